@@ -7,7 +7,7 @@ import pytest
 
 from emaphm.errors import PrognosisError
 from emaphm.prognosis import Costs, Question
-from emaphm.prognosis.advice import Advice, advice
+from emaphm.prognosis.advice import Advice, advice, without_observed_violation
 from emaphm.prognosis.wording.sentences import advice_text
 
 
@@ -51,6 +51,35 @@ def test_a_wide_distribution_of_the_rul_leads_to_an_inspection() -> None:
 def test_a_violated_requirement_leads_to_an_immediate_replacement() -> None:
     advised = advice(np.zeros(10), 100.0, risk=0.05)
     assert (advised.action, advised.hours, advised.risk) == ("replace before", 0.0, 1.0)
+
+
+def test_the_reason_states_the_probability_of_a_violation_that_is_not_certain() -> None:
+    sample = np.linspace(1, 1000, 1000)
+    for failed, action, stated in (
+        (960, "replace before", "a requirement is violated already"),
+        (600, "replace before", "a requirement is violated already with a probability of 60 %"),
+        (
+            300,
+            "inspect by",
+            "the risk exceeds 5 % now: a requirement is violated already with a probability of",
+        ),
+    ):
+        advised = advice(np.where(sample <= failed, 0.0, sample), 900.0, risk=0.05)
+        assert (advised.action, advised.hours) == (action, 0.0)
+        assert advised.reason.startswith(stated)
+        assert ("probability" in advised.reason) == (failed < 960)
+
+
+def test_a_violation_that_no_diagnosis_shows_leads_to_an_inspection() -> None:
+    forecast = Advice("replace before", 0.0, 0.6, "a requirement is violated already")
+    advised = without_observed_violation(forecast, 100.0)
+    assert (advised.action, advised.hours, advised.risk) == ("inspect by", 0.0, 0.6)
+    assert "forecast from the diagnosis of 100 h" in advised.reason
+    certain = Advice("replace before", 0.0, 0.97, "a requirement is violated already")
+    assert without_observed_violation(certain, 100.0) == certain
+    assert without_observed_violation(certain, None).action == "inspect by"
+    later = Advice("replace before", 10.0, 0.05, "why")
+    assert without_observed_violation(later, None) == later
 
 
 def test_a_unit_without_a_failure_in_the_forecast_flies_on() -> None:

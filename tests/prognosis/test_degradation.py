@@ -145,6 +145,9 @@ def test_a_permanent_jump_is_accepted_once_later_diagnoses_confirm_it(seed: int)
     belief = flown(jumped, seed=seed)
     assert belief.mean_level[0] == pytest.approx(jumped[-1], abs=0.03)
     assert belief.mean_level[1] == pytest.approx(0.0, abs=0.02)
+    # The wear continues as before the jump.
+    as_before = np.abs(belief.rate[:, 0] - 2e-4) < 1e-4
+    assert belief.weights[as_before, 0].sum() > 0.7
 
 
 def test_after_one_outlying_diagnosis_an_outlier_and_a_jump_are_both_possible() -> None:

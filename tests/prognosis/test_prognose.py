@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from emaphm.actuator import Actuator
+from emaphm.actuator import COMPONENTS, Actuator
 from emaphm.actuator.requirements import Requirement
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
@@ -99,6 +99,9 @@ def test_a_violated_requirement_leaves_no_remaining_life() -> None:
     assert prognosis.probability_of_failure == 1
     assert "violated already: friction at most 0.6" in prognosis.notes
     assert prognosis.advice.action == "replace before"
+    # The level that a requirement limits has one value and one interval in all parts of the answer.
+    required, level = prognosis.requirements()["friction at most 0.6"], prognosis.levels()["friction"]
+    assert (required["value"], required["interval90"]) == (level["median"], level["interval90"])
 
 
 def test_a_requirement_that_a_new_actuator_violates_is_refused() -> None:
@@ -207,6 +210,24 @@ def test_a_worn_unit_with_an_unexplained_newest_recording_is_to_be_inspected_now
     unexplained = observation(710.0, explained=False)
     prognosis = prognose(replace(failed, observations=(*failed.observations, unexplained)), WORN)
     assert (prognosis.advice.action, prognosis.advice.hours) == ("replace before", 0.0)
+
+
+@pytest.mark.usefixtures("few_steps")
+def test_a_unit_is_replaced_now_only_if_a_diagnosis_shows_a_violation() -> None:
+    """After 20,000 h without a diagnosis, the prior alone makes a failure likely."""
+    many = requiring(*(Requirement(component=name, at_most=0.4) for name in COMPONENTS if name != "gain"))
+    blind = prognose(Evidence("S1", "P1", 20_000.0), many)
+    assert blind.interval90[0] == blind.median == 0
+    assert (blind.advice.action, blind.advice.hours) == ("inspect by", 0.0)
+    assert "according to the prior alone" in blind.advice.reason
+    unexplained = observation(20_000.0, explained=False)
+    blind = prognose(Evidence("S1", "P1", 20_000.0, (unexplained,)), many)
+    assert "the forecast, from the prior alone, does not include" in blind.advice.reason
+    # A violation that a diagnosis shows remains one until its component is replaced.
+    worn = replace(wearing(4, start=0.6), hours=250.0)
+    assert prognose(worn, WORN).advice.action == "replace before"
+    repaired = replace(worn, hours=60_000.0, replacements=((200.0, "friction"),))
+    assert prognose(repaired, WORN).advice.action == "inspect by"
 
 
 @pytest.mark.usefixtures("few_steps")

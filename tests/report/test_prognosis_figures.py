@@ -86,13 +86,17 @@ def test_a_replacement_is_marked_and_interrupts_the_fan_chart() -> None:
     assert "replaced" in axes[0].get_legend_handles_labels()[1]
 
 
-def falling(now: float) -> Curves:
-    """Return the curves of a unit whose friction falls from 0 to -0.16, and to -0.4 in the next 200 h."""
+def falling(now: float, flown: float = 800.0) -> Curves:
+    """Return the curves of a unit whose friction falls from 0 to -0.16, and to -0.4 in the next 200 h.
+
+    Its three diagnoses are within the last hours `flown` [h].
+    """
     forecast = {name: tuple((0.0, 0.0) for _ in PROBABILITIES) for name in COMPONENTS}
     forecast["friction"] = tuple((-0.16, end) for end in (-0.4, -0.35, -0.3, -0.25, -0.2))
     at = dict.fromkeys(COMPONENTS, 0.0)
     levels = tuple(
-        Seen(now - 800.0 + hours, True, at | {"friction": -2e-4 * hours}, at) for hours in (0.0, 400.0, 800.0)
+        Seen(now - (1 - share) * flown, True, at | {"friction": -0.16 * share}, at)
+        for share in (0.0, 0.5, 1.0)
     )
     hours = (now, now + 200.0)
     limits = (("friction", -0.3), ("friction", 0.5))
@@ -105,9 +109,13 @@ def test_limit_and_forecast_of_falling_friction_are_inside_the_figure() -> None:
     assert axes["backlash"].get_ylim()[0] == pytest.approx(-0.03)
 
 
-@pytest.mark.parametrize(("now", "narrow"), [(800.0, True), (1.23e7, True), (1.23e7, False)])
-def test_flight_hours_are_printed_in_full_and_do_not_overlap(now: float, narrow: bool) -> None:
-    for figure in (draw_health(falling(now), narrow=narrow), draw_life(falling(now), narrow=narrow)):
+@pytest.mark.parametrize(
+    ("now", "flown", "narrow"),
+    [(800.0, 800.0, True), (15_500.0, 15_500.0, False), (1.23e7, 800.0, True), (1.23e7, 800.0, False)],
+)
+def test_flight_hours_are_printed_in_full_and_do_not_overlap(now: float, flown: float, narrow: bool) -> None:
+    drawn = falling(now, flown)
+    for figure in (draw_health(drawn, narrow=narrow), draw_life(drawn, narrow=narrow)):
         figure.draw_without_rendering()
         for axis in figure.axes:
             assert axis.xaxis.get_offset_text().get_text() == ""
@@ -118,6 +126,13 @@ def test_flight_hours_are_printed_in_full_and_do_not_overlap(now: float, narrow:
             )
             boxes = [label.get_window_extent() for label in labels if label.get_visible()]
             assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+
+
+def test_marks_of_many_diagnoses_are_pixels() -> None:
+    few = falling(800.0)
+    for curves_of_unit, expected in ((few, False), (replace(few, seen=few.seen * 200), True)):
+        axis = draw_health(curves_of_unit).axes[0]
+        assert [container[0].get_rasterized() for container in axis.containers] == [expected]
 
 
 @pytest.mark.usefixtures("few_steps", "undrawn_prognosis")

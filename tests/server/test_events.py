@@ -204,7 +204,7 @@ def test_a_prognosis_of_the_server_gives_the_event_of_a_short_rul(tmp_path: Path
     assert (event.kind, event.state, event.watcher) == ("rul_below_horizon", "raised", SERVER)
     assert event.details["horizon_hours"] == WATCH.prognosis.horizon
     risk = event.details["probability_of_failure"]
-    assert risk > 0.99
+    assert risk > 0.97  # 0.99 by all paths, with a standard error of 0.006 by a quarter of them
     assert f"within 200 h is {100 * risk:.1f} %, by friction" in event.message
 
 

@@ -47,6 +47,9 @@ LOW = 0.2
 SHORT = 10.0
 """RUL [h] down to which the axis is then logarithmic; below, down to 0, it is linear if needed."""
 
+MOST_VECTORS = 500
+"""Diagnoses above which their marks are pixels: as vectors, those of 5,000 diagnoses take 12 MB."""
+
 LONGEST_NAME = 40
 
 NARROW_WIDTH = 4.0
@@ -171,6 +174,7 @@ def _health(axis: "Axes", name: str, curves: Curves) -> None:
                 markersize=4,
                 linewidth=0.8,
                 label=label,
+                rasterized=len(diagnoses) > MOST_VECTORS,
             )
     levels = curves.levels[name]
     for low, high, opacity in BANDS:

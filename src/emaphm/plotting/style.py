@@ -72,8 +72,8 @@ LETTER = 0.65
 TICKS = {0.7: range(1, 10), 3.0: (1, 2, 5)}
 """Multiples with ticks in a decade of a logarithmic axis that spans fewer decades than the key; default 1."""
 
-SHORT_NUMBER, FEW_NUMBERS = 6, 3
-"""Longest number [characters] with the usual number of ticks, and number of intervals for longer numbers."""
+MOST_INTERVALS = ((7, 3), (6, 5))
+"""Least length of the longest number [characters], and the number of intervals between ticks from it on."""
 
 WIDE = 8.0
 """Decades from which on ticks are written as powers of ten."""
@@ -144,8 +144,10 @@ def plain_numbers(axis: "Axes") -> None:
     from matplotlib.ticker import FuncFormatter
 
     axis.xaxis.set_major_formatter(FuncFormatter(_number_text))
-    if max(len(_number_text(round(end))) for end in axis.get_xlim()) > SHORT_NUMBER:
-        axis.locator_params(axis="x", nbins=FEW_NUMBERS)
+    longest = max(len(_number_text(round(end))) for end in axis.get_xlim())
+    intervals = next((count for length, count in MOST_INTERVALS if longest >= length), None)
+    if intervals is not None:
+        axis.locator_params(axis="x", nbins=intervals)
 
 
 def legend_beside_title(axis: "Axes", columns: int = 2) -> None:

@@ -14,6 +14,12 @@ WIDE = 3.0
 """Ratio of the median RUL to the allowed hours above which the advice is an inspection and not a replacement:
 a replacement would waste most of the life because of the uncertainty alone."""
 
+PRIOR_ALONE = "the prior alone"
+"""Source of a forecast without an explained diagnosis, as text."""
+
+CERTAIN = 0.95
+"""Probability from which on a violation is stated as a fact."""
+
 UNRESOLVED = 3
 """Number of failures of the sample up to the cheapest time, up to which the sample does not resolve this
 time: the relative standard error of the probability of failure until the k-th failure is 1/sqrt(k)."""
@@ -110,21 +116,25 @@ def advice(
     ordered = np.sort(np.asarray(sample, float))
     failed = float(np.mean(ordered == 0))
     if ordered[int(0.5 * (ordered.size - 1))] == 0:
-        return Advice("replace before", 0.0, failed, "a requirement is violated already")
+        return Advice("replace before", 0.0, failed, f"a requirement is {violated_in_words(failed)}")
     limit, why = _until_risk(ordered, risk) if costs is None else _until_costs(ordered, age, costs)
     if limit >= horizon:
         when = "beyond the horizon" if math.isfinite(limit) else "nowhere in the forecast"
         return Advice("fly on", horizon, float(np.mean(ordered < horizon)), f"{why} {when}")
     before = int(np.sum(ordered < limit))
     until = max(before / ordered.size if costs is None else (before + 1) / (ordered.size + 1), failed)
+    when = "then" if limit > 0 else f"now: a requirement is {violated_in_words(failed)}"
     if ordered[(ordered.size - 1) // 2] > WIDE * limit:
-        return Advice(
-            "inspect by",
-            limit,
-            until,
-            f"{why} then, although the unit may well last longer: diagnose again",
-        )
-    return Advice("replace before", limit, until, f"{why} then")
+        lasting = "although the unit may well last longer: diagnose again"
+        return Advice("inspect by", limit, until, f"{why} {when}, {lasting}")
+    return Advice("replace before", limit, until, f"{why} {when}")
+
+
+def violated_in_words(probability: float) -> str:
+    """Return "violated already" as text, with its `probability` if it is below `CERTAIN`."""
+    if probability >= CERTAIN:
+        return "violated already"
+    return f"violated already with a probability of {100 * probability:.3g} %"
 
 
 def _until_risk(ordered: Array, risk: float) -> tuple[float, str]:
@@ -160,7 +170,35 @@ def _until_costs(ordered: Array, age: float, costs: Costs) -> tuple[float, str]:
     return float(candidates[best]), why
 
 
-def without_new_diagnoses(given: Advice, unexplained: tuple[float, float], failed: float) -> Advice:
+def without_observed_violation(given: Advice, newest: float | None) -> Advice:
+    """Return the advice for a unit of which no diagnosis shows a violation: inspect instead of replace now.
+
+    Over long hours without a diagnosis, the prior alone makes a violation likely. A recording costs less than
+    a replacement, and shows whether there is one. Other advice, and a certain violation, are not changed.
+
+    Parameters
+    ----------
+    given
+        The advice according to the forecast.
+    newest
+        Flight hours of the newest explained diagnosis [h], None without any.
+    """
+    is_now = given.action == "replace before" and given.hours == 0
+    if not is_now or (given.risk >= CERTAIN and newest is not None):
+        return given
+    source = PRIOR_ALONE if newest is None else f"the forecast from the diagnosis of {newest:.9g} h"
+    return Advice(
+        "inspect by",
+        0.0,
+        given.risk,
+        f"according to {source}, a requirement is {violated_in_words(given.risk)}; no diagnosis shows it: "
+        "record again",
+    )
+
+
+def without_new_diagnoses(
+    given: Advice, unexplained: tuple[float, float], failed: float, *, source: str = "the earlier diagnoses"
+) -> Advice:
     """Return the advice for a unit whose newest recordings are not explained: inspect now.
 
     A forecast from older diagnoses does not include the cause that has changed the unit's recordings, so that
@@ -175,6 +213,8 @@ def without_new_diagnoses(given: Advice, unexplained: tuple[float, float], faile
         Flight hours [h] of the first and of the last recording that are not explained.
     failed
         The probability, according to the forecast, that the unit has already failed.
+    source
+        Where the forecast comes from, as text.
     """
     if given.action == "replace before" and given.hours == 0:
         return given
@@ -183,9 +223,9 @@ def without_new_diagnoses(given: Advice, unexplained: tuple[float, float], faile
     if first < last:
         recordings = f"recordings, of {first:.9g} h to {last:.9g} h, are"
     reason = (
-        f"the newest {recordings} not explained: the forecast, from the earlier diagnoses, does not include "
+        f"the newest {recordings} not explained: the forecast, from {source}, does not include "
         "what has changed; record again, and look for the cause if the new recording is not explained either"
     )
     if given.action == "replace before":
-        reason += f"; otherwise replace within {given.hours:,.0f} h, as the earlier diagnoses advise"
+        reason += f"; otherwise replace within {given.hours:,.0f} h, according to {source}"
     return Advice("inspect by", 0.0, failed, reason)

@@ -9,11 +9,18 @@ import numpy as np
 from emaphm.actuator import Actuator
 from emaphm.arrays import Array
 from emaphm.errors import PrognosisError
-from emaphm.prognosis.advice import Advice, Costs, advice, without_new_diagnoses
+from emaphm.prognosis.advice import (
+    PRIOR_ALONE,
+    Advice,
+    Costs,
+    advice,
+    without_new_diagnoses,
+    without_observed_violation,
+)
 from emaphm.prognosis.belief import Belief
 from emaphm.prognosis.columns import columns_of
 from emaphm.prognosis.evidence import Evidence
-from emaphm.prognosis.filter.following import follow
+from emaphm.prognosis.filter.following import Followed, follow
 from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
 from emaphm.prognosis.from_fleet.forecast_by_fleet import by_fleet
 from emaphm.prognosis.notes.gathering import notes_on
@@ -121,24 +128,33 @@ def prognose(
     limit = times.commonest
     component = None if limit is None else responsible(forecast_paths, forecast, limit, requirements)
     new_at = followed.belief.new_at[columns_of(component)[0]] if component else 0.0
+    level = forecast_paths.level[0]
+    diagnosed_level = _level_at_newest_diagnosis(followed, level)
     result = Prognosis(
         evidence=evidence,
         actuator=actuator,
         horizon=question.horizon,
-        values=requirements.values(vectors_of(forecast_paths.level[0], actuator)),
+        values=requirements.values(vectors_of(level, actuator)),
         times=times,
         paths=forecast_paths,
         component=component,
         limit=None if limit is None else times.limits[limit],
-        advice=_advice(evidence, times.first, question, age=evidence.hours - float(new_at)),
+        advice=_advice(
+            evidence,
+            times.first,
+            question,
+            age=evidence.hours - float(new_at),
+            observed=_violates(diagnosed_level, followed.belief, evidence, requirements),
+        ),
         belief=followed.belief,
         past=followed.past if keep_past else (),
         seed=seed,
         ahead=question.ahead,
         notes=notes_on(
             evidence,
-            followed,
-            forecast_paths.level[0],
+            followed.belief,
+            level,
+            diagnosed_level,
             times,
             requirements,
             prior,
@@ -149,11 +165,40 @@ def prognose(
     return result if evidence.unrepaired is None else _as_failed(result, evidence.unrepaired)
 
 
-def _advice(evidence: Evidence, rul: Array, question: Question, *, age: float) -> Advice:
-    """Return the advice for a sample of the RUL [h], which uses explained diagnoses alone."""
+def _level_at_newest_diagnosis(followed: Followed, level: Array) -> Array:
+    """Return samples (n, 8) of the levels after the newest used diagnosis; `level` are the present levels."""
+    newest = followed.past[-1] if followed.past else followed.belief
+    # If nothing came after it, the present levels are drawn from the same filter state.
+    return level if newest is followed.belief else drawn_states(newest, len(level)).level
+
+
+def _violates(level: Array, belief: Belief, evidence: Evidence, requirements: Requirements) -> bool:
+    """Return whether the median of the levels (n, 8) after the newest diagnosis violates a requirement.
+
+    Components replaced since then count as new; without a diagnosis, nothing is violated.
+    """
+    if not evidence.used:
+        return False
+    is_replaced = (belief.new_at >= evidence.used[-1].hours) & (belief.new_at > 0)
+    newest = np.where(is_replaced, NEW, np.median(level, axis=0))
+    vectors = vectors_of(newest[np.newaxis], requirements.actuator)
+    return bool(np.any(requirements.margins(vectors) < 0))
+
+
+def _advice(evidence: Evidence, rul: Array, question: Question, *, age: float, observed: bool) -> Advice:
+    """Return the advice for a sample of the RUL [h], which uses explained diagnoses alone.
+
+    `observed` is whether the newest of them shows a violation.
+    """
     given = advice(rul, question.horizon, risk=question.risk, age=age, costs=question.costs)
-    newest = evidence.unexplained
-    return given if newest is None else without_new_diagnoses(given, newest, float(np.mean(rul == 0)))
+    if not observed:
+        given = without_observed_violation(given, evidence.used[-1].hours if evidence.used else None)
+    newest, failed = evidence.unexplained, float(np.mean(rul == 0))
+    if newest is None:
+        return given
+    if not evidence.used:
+        return without_new_diagnoses(given, newest, failed, source=PRIOR_ALONE)
+    return without_new_diagnoses(given, newest, failed)
 
 
 def _as_failed(forecast: Prognosis, failure: "Failure") -> Prognosis:

@@ -132,10 +132,12 @@ class Prognosis(RemainingLife):
         result = {}
         for name in COMPONENTS:
             column = NAMES.index(name)
-            low, median, high = np.quantile(vectors[:, column], (INTERVAL90[0], 0.5, INTERVAL90[1]))
+            low, median, high = (
+                sample_quantile(vectors[:, column], p) for p in (INTERVAL90[0], 0.5, INTERVAL90[1])
+            )
             result[name] = {
-                "median": float(median),
-                "interval90": [float(low), float(high)],
+                "median": median,
+                "interval90": [low, high],
                 "laws": {law: float(p) for law, p in zip(LAWS, laws[column], strict=True)},
             }
         return result

@@ -109,7 +109,9 @@ class FilterSettings:
     A diagnosis of a component is an outlier with probability `outliers`, and the level has jumped since the
     previous diagnosis with probability `jumps`; `surprise` is the standard deviation of both, a third of the
     full range. Both are rare: few diagnoses have errors of many standard errors, and few components break
-    suddenly. `python -m tests.prognosis.ways` measures forecasts of units with neither.
+    suddenly. `python -m tests.prognosis.ways` measures forecasts of units with neither. After a jump, a level
+    that was changing keeps its law and rate with the probability `law_kept`: a shock may add to the wear and
+    leave its mechanism as it was, or start another. A level at rest has no rate to keep.
 
     [1] Grünwald, van Ommen: Inconsistency of Bayesian inference for misspecified linear models, and a
         proposal for repairing it, Bayesian Analysis 12 (2017).
@@ -126,6 +128,7 @@ class FilterSettings:
     outliers: float = 0.003
     jumps: float = 0.001
     surprise: float = 0.3
+    law_kept: float = 0.5
 
     def for_updates(self, updates: int) -> "FilterSettings":
         """Return the settings for a history with that number of `updates`: fewer updates, more particles."""

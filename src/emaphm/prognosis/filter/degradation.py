@@ -44,6 +44,7 @@ from emaphm.prognosis.laws import (
     Mask,
     has_plane,
     in_common,
+    is_moving,
     is_waiting,
     noises,
     onsets,
@@ -225,8 +226,8 @@ def _interpretation(
 
     Each of the three cases is drawn with its probability given the innovation, and the particle's likelihood
     is the sum over the cases: the optimal proposal of a particle filter [4]. An outlier adds the variance
-    `surprise`² to the diagnosis, a jump adds it to the level; after a jump, degradation starts as after a
-    sudden onset.
+    `surprise`² to the diagnosis, a jump adds it to the level. After a jump, a changing level keeps its law
+    and rate with the probability `law_kept`; otherwise degradation starts as after a sudden onset.
     """
     total = belief.levels + covariance
     stated = _own_likelihood(innovation, total)
@@ -254,7 +255,8 @@ def _interpretation(
     np.einsum("nii->ni", total)[is_odd] += more
     jumps = is_odd & (in_common(random.random(stated.shape)) < settings.jumps / odd)
     if jumps.any():
-        belief = after_onset(belief, jumps, random)
+        keeps_law = is_moving(belief.law) & (in_common(random.random(stated.shape)) < settings.law_kept)
+        belief = after_onset(belief, jumps & ~keeps_law, random)
         levels = belief.levels.copy()
         np.einsum("nii->ni", levels)[jumps] += more
         belief = replace(belief, levels=levels)

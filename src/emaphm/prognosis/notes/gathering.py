@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING
 
 from emaphm.arrays import Array
-from emaphm.prognosis.forecast import drawn_states
 from emaphm.prognosis.notes.failures import failure_notes
 from emaphm.prognosis.notes.hours import hours_notes
 from emaphm.prognosis.notes.levels import level_notes
@@ -16,8 +15,8 @@ from emaphm.prognosis.notes.shared_error import shared_error_notes
 from emaphm.prognosis.notes.stress import stress_notes
 
 if TYPE_CHECKING:
+    from emaphm.prognosis.belief import Belief
     from emaphm.prognosis.evidence import Evidence
-    from emaphm.prognosis.filter.following import Followed
     from emaphm.prognosis.prior import Prior
     from emaphm.prognosis.requirements import Requirements
     from emaphm.prognosis.requirements.failure_times import FailureTimes
@@ -26,8 +25,9 @@ if TYPE_CHECKING:
 
 def notes_on(
     evidence: "Evidence",
-    followed: "Followed",
+    belief: "Belief",
     level: Array,
+    diagnosed_level: Array,
     times: "FailureTimes",
     requirements: "Requirements",
     prior: "Prior",
@@ -37,20 +37,17 @@ def notes_on(
 ) -> tuple[str, ...]:
     """Return the notes of a prognosis.
 
-    `level` are samples (n, 8) of the present levels, `component` is the component that most likely fails
-    first. The last past filter state of `followed` is that after the last used diagnosis.
+    `level` and `diagnosed_level` are samples (n, 8) of the levels at present and after the newest used
+    diagnosis; `component` is the component that most likely fails first.
     """
-    newest = followed.past[-1] if followed.past else followed.belief
-    # If nothing came after it, the present levels are drawn from the same filter state.
-    newest_level = level if newest is followed.belief else drawn_states(newest, len(level)).level
     return (
         *evidence.description_notes,
         *repair_notes(evidence),
         *life_notes(evidence, requirements, times, prior),
-        *stress_notes(ahead, followed.belief.prior.reference),
-        *shared_error_notes(followed.belief, component),
+        *stress_notes(ahead, belief.prior.reference),
+        *shared_error_notes(belief, component),
         *level_notes(evidence, level, prior.least_friction),
-        *newest_notes(evidence, newest_level),
+        *newest_notes(evidence, diagnosed_level),
         *load_notes(evidence),
         *rate_notes(evidence),
         *hours_notes(evidence),

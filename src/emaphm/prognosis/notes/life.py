@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from emaphm.actuator.faults import CARTESIAN_NAMES
+from emaphm.prognosis.advice import violated_in_words
 from emaphm.prognosis.evidence import Evidence
 from emaphm.prognosis.prior import Prior
 from emaphm.prognosis.requirements import Requirements
@@ -49,11 +50,9 @@ def life_notes(
     undiagnosed = [name for name, seen in zip(CARTESIAN_NAMES, evidence.seen, strict=True) if not seen]
     if undiagnosed:
         notes.append(f"not estimated by any diagnosis, and assumed to be healthy: {', '.join(undiagnosed)}")
-    violated = [
-        limit.label for limit, row in zip(times.limits, times.hours, strict=True) if np.median(row) == 0
-    ]
-    if violated:
-        notes.append(f"violated already: {', '.join(violated)}")
+    for limit, row in zip(times.limits, times.hours, strict=True):
+        if np.median(row) == 0:
+            notes.append(f"{violated_in_words(float(np.mean(row == 0)))}: {limit.label}")
     without_failure = [
         limit
         for limit, row in zip(times.limits, times.hours, strict=True)
