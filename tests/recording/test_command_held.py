@@ -99,8 +99,8 @@ def test_a_held_command_has_the_value_of_the_last_row_sent() -> None:
     within = (times[1:-1, np.newaxis] + np.array([1e-6, 2.5e-3, 4.999e-3])).ravel()
     for sent, at_rows in (("before", rows[1:-1]), ("after", rows[:-2])):
         driving = DrivingSignals.of(recording, holding(THESIS, sent))  # type: ignore[arg-type]
-        np.testing.assert_array_equal(driving.command(within), np.repeat(rows[1:-1], 3))
-        np.testing.assert_array_equal(driving.command(times[1:-1]), at_rows)
+        np.testing.assert_array_equal(driving.command(np.asarray(within, np.float64)), np.repeat(rows[1:-1], 3))
+        np.testing.assert_array_equal(driving.command(np.asarray(times[1:-1], float)), at_rows)
         assert driving.other_command is None
 
 
@@ -112,7 +112,7 @@ def test_a_simulated_drive_that_holds_the_command_is_replayed(sampling: Sampling
     recording = simulate(
         actuator, chirp, model="averaged", duration=0.3, sample_rate=500.0, sampling=sampling
     )
-    np.testing.assert_array_equal(recording["command_rad"], chirp(recording["time_s"]))
+    np.testing.assert_array_equal(recording["command_rad"], chirp(recording["time_s"].astype(np.float64)))
     for name, error in replay(recording, actuator).rms_error.items():
         # A start from means of rows is less exact.
         assert error < (1e-6 if sampling == "instant" else 1e-2) * rms(recording[name]), name
