@@ -99,7 +99,9 @@ def test_a_held_command_has_the_value_of_the_last_row_sent() -> None:
     within = (times[1:-1, np.newaxis] + np.array([1e-6, 2.5e-3, 4.999e-3])).ravel()
     for sent, at_rows in (("before", rows[1:-1]), ("after", rows[:-2])):
         driving = DrivingSignals.of(recording, holding(THESIS, sent))  # type: ignore[arg-type]
-        np.testing.assert_array_equal(driving.command(np.asarray(within, np.float64)), np.repeat(rows[1:-1], 3))
+        np.testing.assert_array_equal(
+            driving.command(np.asarray(within, np.float64)), np.repeat(rows[1:-1], 3)
+        )
         np.testing.assert_array_equal(driving.command(np.asarray(times[1:-1], float)), at_rows)
         assert driving.other_command is None
 

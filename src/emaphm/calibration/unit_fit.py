@@ -215,7 +215,7 @@ def fit_unit(
 
 
 def within_range(covariance: Array, widest: Array) -> Array:
-    """Return a `covariance` (p, p) with standard deviations of at most `widest` (p,), the range of the search.
+    """Return a `covariance` (p, p) with standard deviations of at most `widest` (p,), the search range.
 
     Correlations are kept. The scatter of recordings that contradict each other along what they hardly
     determine may be far larger than that range, which no estimate leaves.
