@@ -16,8 +16,8 @@ def load_reverses_in_gap(problem: Problem) -> tuple[str, ...]:
 
     Behind a rigid shaft, friction holds the user within the gap until the motor reaches the other edge. A
     load that exceeds this friction in both directions moves the user there first. In four recordings of an
-    independent simulator with a backlash twice as wide, a rigid shaft had a backlash of 0, in intervals that
-    excluded the truth; a described shaft named it (12 of 12 intervals hold).
+    independent simulator with a backlash four times as wide, a rigid shaft had a backlash of 0, in intervals
+    that excluded the truth, and one recording was explained; with a described shaft, all intervals hold.
     """
     actuator = problem.actuator
     mechanics = actuator.mechanics
