@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from emaphm.actuator import Actuator, Command, Faults, Load
 from emaphm.actuator.argument import check_actuator
 from emaphm.actuator.channels import Sampling
-from emaphm.actuator.commands import rest_position
+from emaphm.actuator.commands import rest_position, sample_held
 from emaphm.actuator.sensors import IDEAL
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, RecordingError, SignalError
@@ -93,8 +93,9 @@ def simulate(
     first = rest_position(command, initial_position)
     actuator.mechanics.check_start(first)
     _check(chosen, duration, sample_rate, noise, adc_bits, controller_noise, seed)
+    sent = actuator.channels.command_held
     inputs = Inputs.of(
-        command,
+        sample_held(command, 1 / sample_rate, sent) if sent else command,
         load,
         samples=round(duration * sample_rate),
         interval=1 / sample_rate,
@@ -108,7 +109,8 @@ def simulate(
     signals = _sensed(ran, actuator, inputs.interval, seed)
     if actuator.electrical is None:
         del signals["voltage_V"]  # an ideal current loop has no modelled voltage
-    rows = {"time_s": inputs.time_s, "command_rad": _rows(command, inputs), **signals}
+    commanded = command(inputs.time_s) if sent else _rows(command, inputs)
+    rows = {"time_s": inputs.time_s, "command_rad": commanded, **signals}
     if np.all(rows["command_rad"] == first):
         raise RecordingError(f"nothing was commanded: the command is {first:g} throughout; it must move")
     if callable(load) or load:

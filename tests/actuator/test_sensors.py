@@ -46,7 +46,7 @@ def test_each_channel_has_an_ideal_sensor_unless_described() -> None:
 
 
 def test_each_channel_of_the_schema_may_have_a_foreign_name() -> None:
-    assert set(Channels.model_fields) == {*SCHEMA, "sampling"}
+    assert set(Channels.model_fields) == {*SCHEMA, "sampling", "command_held"}
 
 
 def test_the_squares_of_noise_and_rounding_error_add() -> None:

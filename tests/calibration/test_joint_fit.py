@@ -12,6 +12,7 @@ from emaphm.actuator.laws import LAWS
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
 from emaphm.calibration import Calibration, CampaignRow, calibrate
 from emaphm.calibration.conditions import common_factor, joint_objective, only_ratios
+from emaphm.calibration.unit_fit import within_range
 from emaphm.errors import MethodError
 from emaphm.estimation.finite_differences import one_sided_jacobians
 from emaphm.estimation.space.parameter_variation import ParameterVariation
@@ -256,3 +257,13 @@ def test_the_parameters_of_bristles_scale_with_the_common_factor_of_all_torques(
     bristles = LAWS["presliding"].added_to(THESIS)
     effects = common_factor(bristles, names, np.zeros(len(names)))
     assert effects.tolist() == [1.0, 1.0, 1.0, 1.0, 1.0, 0.0]
+
+
+def test_a_standard_error_is_at_most_the_range_of_the_search() -> None:
+    rng = np.random.default_rng(3)
+    root = rng.normal(size=(3, 3)) * np.array([[41.0], [0.2], [3.0]])
+    covariance, widest = root @ root.T, np.array([3.4, 3.4, 0.1])
+    limited = within_range(covariance, widest)
+    before, after = np.sqrt(np.diag(covariance)), np.sqrt(np.diag(limited))
+    np.testing.assert_allclose(after, np.minimum(before, widest))
+    np.testing.assert_allclose(limited / np.outer(after, after), covariance / np.outer(before, before))

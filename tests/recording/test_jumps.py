@@ -80,7 +80,7 @@ def test_a_reconstructed_square_wave_drives_the_model_like_the_original() -> Non
         return np.where(np.sin(2 * np.pi * 8.0 * (times + 1e-9)) >= 0, 5e-3, -5e-3)
 
     recording = simulate(THESIS, square, model="averaged", duration=0.3)
-    inputs = DrivingSignals.of(recording).inputs(AVERAGED.step_for(THESIS))
+    inputs = DrivingSignals.of(recording, THESIS).inputs(AVERAGED.step_for(THESIS))
     plant = Plant.of(THESIS, Faults().vector[np.newaxis])
     modelled = observe_batch(AVERAGED, plant, inputs, channels=("current_A",))[0, 0]
     error = float(np.sqrt(np.mean((modelled - recording["current_A"]) ** 2)))

@@ -11,6 +11,7 @@ from emaphm.actuator import Actuator, Chirp, Faults, Sine, Step
 from emaphm.arrays import Array
 from emaphm.errors import RecordingError
 from emaphm.recording import Recording, read_recording, with_equivalent_current, write_recording
+from emaphm.recording.resampling import on_uniform_grid
 from emaphm.recording.schema import PHASES
 from emaphm.recording.sensor_checks import check_sensors
 from emaphm.recording.sensor_checks.clipping import clipped_rows
@@ -198,6 +199,22 @@ def test_lost_samples_of_a_noisy_signal_of_fine_counts_are_found() -> None:
     assert not held_rows(true).any()
     # With counts of half the noise, one value in seven repeats by chance: lost values cannot be identified.
     assert not held_rows(np.round(values / 0.025) * 0.025).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_coarse_signal_between_jittering_rows_has_lost_no_samples(seed: int) -> None:
+    # A current in counts of 0.01 A whose rows are resampled: interpolated values lie on no count, but two
+    # neighbouring rows of the same count make a repeat.
+    rng = np.random.default_rng(seed)
+    interval, rows = 5e-3, 1200
+    times = interval * (np.arange(rows) + rng.uniform(0.0, 0.2, rows))
+    phase = np.pi * (0.4 * times + 0.3 * times**2)
+    current = np.round((0.4 * np.sin(phase) + rng.normal(0.0, 0.004, rows)) / 0.01) * 0.01
+    resampled, notes = on_uniform_grid({"time_s": times, "current_A": current}, "instant")
+    assert notes
+    repeats = np.count_nonzero(np.diff(resampled["current_A"]) == 0)
+    assert repeats > 20
+    assert not held_rows(resampled["current_A"]).any()
 
 
 def test_lost_samples_of_a_smooth_signal_in_counts_are_found() -> None:

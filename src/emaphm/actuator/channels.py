@@ -22,6 +22,9 @@ Name = Annotated[str, Field(min_length=1)]
 Sampling = Literal["mean", "instant"]
 """Meaning of a row: the mean over its interval, or the value at its start."""
 
+CommandHeld = Literal["before", "after"]
+"""When a drive that holds the command receives that of a row: before or after the row is read."""
+
 SAMPLINGS: tuple[Sampling, ...] = get_args(Sampling)
 
 
@@ -108,10 +111,14 @@ OWN_NAME = ChannelEntry()
 
 
 class Channels(Section):
-    """The entry of each channel, and the sampling of the rows."""
+    """The entry of each channel, the sampling of the rows, and whether the drive holds the command."""
 
     sampling: Sampling = Field(
         default="mean", description="rows are means over the sample interval, or values at its start"
+    )
+    command_held: CommandHeld | None = Field(
+        default=None,
+        description="the drive holds each command, which is sent before or after its row is read",
     )
     time_s: ChannelEntry = OWN_NAME
     command_rad: ChannelEntry = OWN_NAME
@@ -146,5 +153,5 @@ class Channels(Section):
         return entry
 
 
-CHANNEL_NAMES = tuple(name for name in Channels.model_fields if name != "sampling")
+CHANNEL_NAMES = tuple(name for name in Channels.model_fields if name not in ("sampling", "command_held"))
 """The channels of the schema."""

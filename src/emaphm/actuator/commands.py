@@ -8,11 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from emaphm.actuator.channels import CommandHeld
 from emaphm.arrays import Array, floats
 from emaphm.errors import SignalError
 
 Command = Callable[[Array], Array]
 """Function of times [s], shape (n,), that returns user positions [rad; m if linear], shape (n,)."""
+
+
+ROUNDING = 1e-9
+"""Distance from a row, in intervals, within which a time counts as that of the row."""
 
 
 def _check_finite(command: object, *names: str) -> None:
@@ -203,6 +208,22 @@ class Sampled:
     def __call__(self, t: Array) -> Array:
         """Return the signal at times `t` [s]."""
         return np.interp(t, self.time_s, self.values)
+
+
+def sample_held(command: Command, interval: float, sent: CommandHeld) -> Command:
+    """Return a `command` as held by a drive that receives it at multiples of `interval` [s].
+
+    If it is `sent` "before" the row of that time is read, it acts in this row; "after", the earlier command
+    still acts then.
+    """
+
+    def value(times: Array) -> Array:
+        # Times of model steps are multiples of a fraction of the interval: rounding must not lose a row.
+        rows = times / interval
+        received = np.floor(rows + ROUNDING) if sent == "before" else np.ceil(rows - ROUNDING) - 1
+        return command(np.maximum(received, 0.0) * interval)
+
+    return value
 
 
 def rest_position(command: Command, given: float | None = None) -> float:

@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 
 from emaphm.actuator import Actuator, Command
-from emaphm.actuator.commands import rest_position
+from emaphm.actuator.commands import rest_position, sample_held
 from emaphm.arrays import Array
 from emaphm.errors import MethodError, nearest
 from emaphm.estimation.compared_channels import comparable_channels
@@ -150,8 +150,9 @@ class RecordingSetup:
 
     def inputs(self, command: Command, step: float) -> Inputs:
         """Return the inputs of a run at each of its steps, which are at most `step` [s] long."""
+        sent = self.actuator.channels.command_held
         return Inputs.of(
-            command,
+            sample_held(command, self.interval_s, sent) if sent else command,
             samples=self.samples,
             interval=self.interval_s,
             step=step,

@@ -195,6 +195,7 @@ def fit_unit(
         covariance = covariance + contradicted.covariance
     # The true value of a parameter at its bound may be anywhere beyond it.
     covariance = covariance + np.diag(np.where(at_bound, unit.widest, 0.0) ** 2)
+    covariance = within_range(covariance, unit.widest)
     chosen = np.array([[float(name == other) for other in fitted] for name in free]).reshape(len(free), -1)
     full = chosen @ deviations
     # The torque constant was not fitted if the recordings have information only on ratios to it.
@@ -211,6 +212,17 @@ def fit_unit(
         contradictions=contradicted,
         lacks=lacks,
     )
+
+
+def within_range(covariance: Array, widest: Array) -> Array:
+    """Return a `covariance` (p, p) with standard deviations of at most `widest` (p,), the search range.
+
+    Correlations are kept. The scatter of recordings that contradict each other along what they hardly
+    determine may be far larger than that range, which no estimate leaves.
+    """
+    deviations = np.sqrt(np.diag(covariance))
+    shares = np.minimum(1.0, widest / np.maximum(deviations, np.finfo(float).tiny))
+    return np.asarray(np.outer(shares, shares) * covariance)
 
 
 def _at_bound(point: Array, unit: ParameterVariation) -> NDArray[np.bool_]:

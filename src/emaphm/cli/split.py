@@ -137,7 +137,9 @@ def _write_description(actuator: "Actuator", path: Path, *, force: bool) -> None
     from emaphm.output_files import check_writable
 
     check_writable(path, force=force, endings=(".toml",))
-    standard_channels = Channels(sampling=actuator.channels.sampling)
+    standard_channels = Channels(
+        sampling=actuator.channels.sampling, command_held=actuator.channels.command_held
+    )
     # The first search has removed the outliers, if it was enabled: a second one would remove measured values.
     cleaned = Reading(outliers=False)
     changes = {"channels": standard_channels, "reading": cleaned}

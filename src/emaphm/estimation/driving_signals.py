@@ -7,8 +7,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from emaphm.actuator import Command, Load
+from emaphm.actuator import Actuator, Command, Load
 from emaphm.actuator.channels import Sampling
+from emaphm.actuator.commands import sample_held
 from emaphm.recording import Recording, held, other_curve, reconstructed
 from emaphm.simulation import Inputs
 
@@ -35,16 +36,24 @@ class DrivingSignals:
     other_command: Command | None = None
 
     @classmethod
-    def of(cls, recording: Recording) -> Self:
-        """Return recorded command and load as smooth curves, and the piecewise constant switch."""
+    def of(cls, recording: Recording, actuator: Actuator) -> Self:
+        """Return recorded command and load as smooth curves, and the piecewise constant switch.
+
+        The command is also piecewise constant if the `actuator`'s drive holds it.
+        """
+        sent, interval = actuator.channels.command_held, recording.interval_s
+        if sent:
+            command = sample_held(held(recording, "command_rad"), interval, sent)
+        else:
+            command = reconstructed(recording, "command_rad")
         return cls(
-            reconstructed(recording, "command_rad"),
+            command,
             reconstructed(recording, "load_Nm") if "load_Nm" in recording else 0.0,
             recording.samples,
-            recording.interval_s,
+            interval,
             recording.sampling,
             held(recording, "enabled") if "enabled" in recording else None,
-            other_curve(recording, "command_rad"),
+            None if sent else other_curve(recording, "command_rad"),
         )
 
     def beginning(self, seconds: float, samples: int) -> "DrivingSignals":

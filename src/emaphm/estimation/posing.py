@@ -39,7 +39,7 @@ def problem_of(
     """
     recording = with_equivalent_current(recording, actuator)
     actuator = with_recorded_supply(actuator, recording)
-    driving = DrivingSignals.of(recording)
+    driving = DrivingSignals.of(recording, actuator)
     comparable = compared_channels(recording, actuator, model)
     compared = comparable if channels is None else channels or comparable[:1]
     counts = {name: count for name in compared if (count := visible_count(recording[name])) > 0}

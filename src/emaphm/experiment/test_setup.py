@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 
 from emaphm.actuator import NAMES, Actuator
+from emaphm.actuator.commands import sample_held
 from emaphm.actuator.faults import HEALTHY
 from emaphm.arrays import Array
 from emaphm.diagnosis.explanation.motion import LEAST_MOTION
@@ -20,7 +21,7 @@ from emaphm.optimizers import space_filling
 from emaphm.random_streams import child_seed
 from emaphm.recording import Recording, acquire, full_scales
 from emaphm.recording.schema import SHORT_NAMES
-from emaphm.simulation import AVERAGED, OBSERVABLE, REFERENCE, Initial, Model, Plant, observe_batch
+from emaphm.simulation import AVERAGED, OBSERVABLE, REFERENCE, Initial, Inputs, Model, Plant, observe_batch
 
 CONVERTER_BITS = 12
 """Assumed resolution of all channels except the current."""
@@ -150,9 +151,16 @@ class TestSetup:
                 f"{excitation.duration:g} s at {self.sample_rate:g} Hz are {samples} rows; give time or rate "
                 f"for {FEWEST_ROWS} or more"
             )
-        return DrivingSignals(
-            excitation.command, 0.0, samples, 1 / self.sample_rate, self.actuator.channels.sampling
-        )
+        command, interval = excitation.command, 1 / self.sample_rate
+        if sent := self.actuator.channels.command_held:
+            command = sample_held(command, interval, sent)
+        return DrivingSignals(command, 0.0, samples, interval, self.actuator.channels.sampling)
+
+    def _command_rows(self, excitation: Excitation, inputs: Inputs) -> Array:
+        """Return the recorded rows (samples,) of the command, which is that of its time where it is held."""
+        if self.actuator.channels.command_held:
+            return excitation.command(inputs.time_s)
+        return inputs.rows(inputs.command)
 
     def _start(self, excitation: Excitation) -> Initial:
         return Initial(excitation.rests_at / self.actuator.mechanics.gear_ratio)
@@ -160,7 +168,7 @@ class TestSetup:
     def _signals(self, excitation: Excitation, faults: Array, model: Model) -> list[dict[str, Array]]:
         """Return all observable channels, noise-free, for each of `faults` (n, 8)."""
         inputs = self._driving(excitation).inputs(model.step_for(self.actuator))
-        given = {"time_s": inputs.time_s, "command_rad": inputs.rows(inputs.command)}
+        given = {"time_s": inputs.time_s, "command_rad": self._command_rows(excitation, inputs)}
         plant, start = Plant.of(self.actuator, faults), self._start(excitation)
         exact = observe_batch(model, plant, inputs, start, workers=self.workers)
         signals = all_as_described(exact, OBSERVABLE, self.actuator, inputs.interval)

@@ -18,6 +18,7 @@ from emaphm.diagnosis.explanation.residuals import residual_within_limits
 from emaphm.diagnosis.explanation.settings import RESIDUAL_LIMITS
 from emaphm.estimation.compared_channels import TORQUE_CURRENTS
 from emaphm.estimation.discrepancy import resolves_switching
+from emaphm.recording.reconstruction import DENSE_S
 
 FEW = 2
 """Largest number of manoeuvres whose scatter is not informative."""
@@ -34,6 +35,11 @@ LAWS_TRIED = (
     "law that was not chosen (--laws)"
 )
 """Advice for a description that lacks an effect, before and after laws were tried."""
+
+HELD_COMMAND = (
+    "if the drive holds each row of the command until the next one, state command_held under [channels]"
+)
+"""Further advice for rows that are so slow that a held command differs from a curve through its rows."""
 
 
 def unmodelled_warnings(
@@ -69,7 +75,10 @@ def _missing_law(fit: UnitFit, sources: Sequence[str], advice: str) -> Iterator[
         return
     worst, source = max(lacking, key=lambda pair: pair[0].ratio)
     where = f"in {len(lacking)} of {len(sources)} recordings, " if len(sources) > 1 else ""
-    size = f"{100 * worst.relative:.2g} % of {worst.result.objective.problem.primary}"
+    problem = worst.result.objective.problem
+    size = f"{100 * worst.relative:.2g} % of {problem.primary}"
+    if problem.driving.interval > DENSE_S and not problem.actuator.channels.command_held:
+        advice = f"{advice}; {HELD_COMMAND}"
     yield (
         f"{where}the residual is up to {worst.ratio:.2g} times what noise and switching explain ({size}, "
         f"{source}): the description lacks a law, or a kept parameter is wrong; the standard errors include "

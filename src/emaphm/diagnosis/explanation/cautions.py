@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 
 from emaphm.diagnosis.explanation.load_friction import load_may_be_friction
+from emaphm.diagnosis.explanation.load_in_gap import load_reverses_in_gap
 from emaphm.diagnosis.explanation.one_value import idle_channels
 from emaphm.diagnosis.explanation.open_phases import phases_as_described
 from emaphm.diagnosis.explanation.unseen_inertia import unseen_inertia
@@ -23,4 +24,5 @@ def cautions(components: Mapping[str, Estimate], result: SearchResult, *, moves:
         *((*idle_channels(problem), *unseen_inertia(objective)) if moves else ()),
         *phases_as_described(components, problem),
         *load_may_be_friction(components, result),
+        *load_reverses_in_gap(problem),
     )

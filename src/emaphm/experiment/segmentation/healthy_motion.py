@@ -26,7 +26,7 @@ def healthy_position(recording: Recording, actuator: Actuator) -> Array:
     """
     actuator = with_recorded_supply(actuator, recording)
     plant = Plant.of(actuator, HEALTHY.vector[np.newaxis])
-    driving, start = DrivingSignals.of(recording), initial_state(recording, actuator)
+    driving, start = DrivingSignals.of(recording, actuator), initial_state(recording, actuator)
     command, inputs_vary = recording["command_rad"], callable(driving.load) or driving.enabled is not None
     interval = recording.interval_s
     position = np.empty(recording.samples)

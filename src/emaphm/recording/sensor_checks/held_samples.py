@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from emaphm.arrays import Array
-from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_equal, step_of_counts
+from emaphm.recording.sensor_checks.resolution import Mask, row_noise, runs_of_equal, step_of_repeats
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def _held_in_motion(values: Array) -> Mask:
     """Return the held rows (n,) of a smooth signal: each run is followed by a jump by the missed motion."""
     none_held = np.zeros(values.size, bool)
     # Differences are whole counts except for rounding.
-    least = max(HELD.moves * row_noise(values), (HELD.counts - 0.01) * step_of_counts(values))
+    least = max(HELD.moves * row_noise(values), (HELD.counts - 0.01) * step_of_repeats(values))
     steps = np.diff(values)
     held = none_held.copy()
     first, lengths = runs_of_equal(values)
@@ -94,7 +94,7 @@ def _rest_values(values: Array, lengths: NDArray[np.intp]) -> Mask:
 def _held_in_noise(values: Array) -> Mask:
     """Return the held rows (n,) of a signal with fine counts: repeats far more frequent than by chance."""
     held = np.zeros(values.size, bool)
-    count, noise = step_of_counts(values), row_noise(values)
+    count, noise = step_of_repeats(values), row_noise(values)
     if noise < HELD.fine * count:
         return held
     steps = np.diff(values)
