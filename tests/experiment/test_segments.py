@@ -75,9 +75,9 @@ def test_a_command_that_is_too_small_is_refused_with_the_best_precision(flight_r
 def test_the_expected_precision_of_a_stretch_from_rest_is_that_of_a_diagnosis() -> None:
     # Shorter than the flight: a diagnosis takes its time by the row.
     def brief(t: Array) -> Array:
-        return np.where((t >= 0.4) & (t < 0.9), 5e-3 * np.sin(2 * np.pi * 4.0 * (t - 0.4)), 0.0)
+        return np.where((t >= 0.3) & (t < 0.7), 5e-3 * np.sin(2 * np.pi * 5.0 * (t - 0.3)), 0.0)
 
-    recording = simulate(THESIS, brief, duration=1.2, sample_rate=RATE, noise=0.05, adc_bits=12)
+    recording = simulate(THESIS, brief, duration=0.9, sample_rate=RATE, noise=0.05, adc_bits=12)
     cut = segments(Recording({name: recording[name] for name in KEPT}), THESIS)
     first = cut.accepted[0]
     assert {"friction", "gain"} <= set(first.identifies)

@@ -16,6 +16,7 @@ from emaphm.cli import main
 from emaphm.server.work import worker
 from emaphm.server.work.queue import WAITING, Queue
 from monitoring import stand_in
+from processes import lives
 from waiting import signal_once, wait_for
 
 from .process import Client, address, family, over, started
@@ -30,6 +31,8 @@ def hangs(recording, actuator, *, seed, **_):
     time.sleep(600)
 
 if __name__ == "__main__":
+    from emaphm.server.work import pool
+    pool.IDLE_S = 0.05  # its thread sees within this time that the server is to end
     sys.exit(main(sys.argv[1:]))
 else:  # a process of the server, which reads this file
     import emaphm.diagnosis
@@ -56,7 +59,7 @@ def test_a_server_ends_within_seconds_and_the_next_one_does_its_job(
     assert time.monotonic() - start < 10.0  # of 600
     assert server.process.stdout is not None
     server.process.stdout.close()
-    wait_for(lambda: not any(Path(f"/proc/{process}").exists() for process in processes[1:]))
+    wait_for(lambda: not any(lives(process) for process in processes[1:]))
     with closing(Queue(fleet.with_name(f"{fleet.name}.serve") / "queue.sqlite")) as queue:
         assert [(job.state, job.kills) for job in queue.jobs(9)] == [(WAITING, 0)]
 

@@ -52,9 +52,6 @@ class FleetPaceSettings:
 
 FLEET_PACE = FleetPaceSettings()
 
-NO_LIFE = Passages.of(np.zeros(0), np.zeros(0))
-"""Placeholder for a life that a component did not have, if another component had more lives."""
-
 DegradationPath = tuple[Array, Array]
 """Ages (n,) [h] of a component at its diagnoses, and the consumed shares of its margin (n,) [-]."""
 
@@ -121,7 +118,9 @@ class FleetPaceModel:
             if not any(life.precision.any() for of_limit in passages for life in of_limit):
                 return None
             present = np.arange(most) < np.array([[len(of_limit)] for of_limit in passages])
-            padded = [[*of_limit, *[NO_LIFE] * (most - len(of_limit))] for of_limit in passages]
+            # Placeholder for a life that a component did not have, if another component had more lives.
+            no_life = Passages.of(np.zeros(0), np.zeros(0))
+            padded = [[*of_limit, *[no_life] * (most - len(of_limit))] for of_limit in passages]
             fleet = Passages.stacked([Passages.stacked(of_limit) for of_limit in padded])
             return FleetPopulation(sampled_population(fleet, stream(seed, "fellows' pace"), present), least)
 
