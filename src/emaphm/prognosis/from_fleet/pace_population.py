@@ -60,7 +60,7 @@ class PacePopulationSettings:
     step are limited to `longest_log_hours`, 137 years.
 
     No command measures the effect of these values alone; `python -m emaphm.study.fleet FOLDER` measures the
-    forecasts. With `covariance_units` of 12, 5, 2 and 1, the CRPS of 240 forecasts late in life was 0.128,
+    forecasts. With `covariance_units` of 12, 5, 2 and 1, the CRPS of 240 forecasts late in life was 0.127,
     0.122, 0.119 and 0.119 of the RUL (docs/prognosis_development.md).
     """
 
