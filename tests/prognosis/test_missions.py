@@ -61,6 +61,15 @@ def test_the_future_stress_is_that_of_simulated_units_with_the_same_past() -> No
     assert not drawn.covariates[..., 1:].any()
 
 
+def test_a_mission_that_was_never_recorded_is_a_part_of_the_pace() -> None:
+    missions = Missions((4.0, 4.0, 0.0), (0.04, 0.04, 0.0), 10.0)
+    random = np.random.default_rng(3)
+    drawn = FutureStress.drawn(missions, flown(np.ones(6)), REFERENCE, 60.0, None, 20_000, random)
+    between_paths = drawn.covariates.mean(axis=1).std(axis=0)
+    # The load has a mission's variance of 0.04 / 10 in addition to the mean of 100 intervals.
+    assert between_paths[:2] == pytest.approx([np.hypot(0.2 / 10**0.5, 0.02), 0.02], rel=0.03)
+
+
 def test_flight_hours_agree_with_an_integration_hour_by_hour() -> None:
     random = np.random.default_rng(2)
     covariates = 0.3 * random.standard_normal((4, 100, 3))

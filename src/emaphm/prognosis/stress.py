@@ -223,18 +223,13 @@ def ageing_ahead(
         return 1.0
     flown = exposure(pieces, reference, 0.0, hours) if hours > 0 else AT_REFERENCE
     weight = np.array(weight_of_reference)
-    share = weight / np.maximum(intervals_before(pieces, hours) + weight, 1e-9)
+    share = weight / np.maximum(sum(piece.start < hours for piece in pieces) + weight, 1e-9)
     flown = Exposure(flown.hours, flown.covariates - share * flown.mean)
     if ahead is not None:
         flown = Exposure(
             flown.hours, np.where(reference.stated(ahead), reference.covariates(ahead), flown.covariates)
         )
     return np.asarray(flown.aged(exponents) / flown.hours.sum())
-
-
-def intervals_before(pieces: Sequence[StressPiece], hours: float) -> int:
-    """Return the number of recorded intervals that began before flight `hours` [h]."""
-    return sum(piece.start < hours for piece in pieces)
 
 
 def stress_dict(reference: StressReference | None, ahead: Stress | None) -> dict[str, Any]:

@@ -24,7 +24,6 @@ from emaphm.prognosis.stress import (
     StressPiece,
     StressReference,
     exposure,
-    intervals_before,
 )
 
 FEWEST_UNITS, MOST_FLIGHTS = 5, 100.0
@@ -99,16 +98,21 @@ class FutureStress(NamedTuple):
     ) -> Self:
         """Return `count` paths of the stress after flight `hours` [h] of a unit that has flown `pieces`.
 
-        Covariates that `ahead` gives have its values in all intervals.
+        Covariates that `ahead` gives have its values in all intervals. The mission of a covariate that the
+        unit has never recorded is not drawn: it is a part of the unit's own pace.
         """
         if reference is None:
             return cls(np.zeros((1, 1, len(NO_FLIGHTS))), missions.hours)
         flown = exposure(pieces, reference, 0.0, hours) if hours > 0 else AT_REFERENCE
         weight, variance = np.array(missions.reference_weight), np.array(missions.variance)
-        intervals = intervals_before(pieces, hours)
-        number = np.maximum(intervals + weight, 1e-9)
-        own = flown.mean * (intervals / number if intervals else 0.0)
-        mission = own + np.sqrt(variance / number) * random.standard_normal((count, 1, len(weight)))
+        recorded = np.sum(
+            [[x is not None for x in piece.stress.values] for piece in pieces if piece.start < hours],
+            axis=0,
+        )
+        number = np.maximum(recorded + weight, 1e-9)
+        deviation = np.where(recorded > 0, np.sqrt(variance / number), 0.0)
+        own = flown.mean * (recorded / number)
+        mission = own + deviation * random.standard_normal((count, 1, len(weight)))
         covariates = mission + np.sqrt(variance) * random.standard_normal((count, INTERVALS, len(weight)))
         if ahead is not None:
             covariates = np.where(reference.stated(ahead), reference.covariates(ahead), covariates)
