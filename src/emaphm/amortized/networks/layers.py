@@ -1,12 +1,15 @@
 """Layers of an estimator's networks, for values (n, width) of n recordings; equations in `network`."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from emaphm.amortized.networks.half_precision import Bits, add_product, has_conversion
 from emaphm.arrays import Single
+
+if TYPE_CHECKING:
+    from emaphm.amortized.networks.half_precision import Bits
 
 EPSILON = 1e-5
 """Added to the variance by which a layer is normalised."""
@@ -29,12 +32,18 @@ class Normalisation:
         return np.asarray(centred * self.scale + self.shift)
 
 
-CONVERTS = has_conversion()
-"""Whether half-precision weights can be read. If not, products are those of BLAS in single precision."""
-
 FEW = 8
 """Largest number of recordings for which a product reads half-precision weights. For twelve recordings,
 BLAS in single precision takes as long (measured)."""
+
+
+@cache
+def reads_half_precision() -> bool:
+    """Return whether half-precision weights can be read; if not, products are those of BLAS."""
+    # Numba is imported with an answer only: a diagnosis without an estimator starts 0.2 s earlier.
+    from emaphm.amortized.networks.half_precision import has_conversion
+
+    return has_conversion()
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,15 +55,17 @@ class Dense:
 
     def __call__(self, x: Single) -> Single:
         """Return W x + b (n, outputs) of values (n, inputs)."""
-        if len(x) > FEW or not CONVERTS:
+        if len(x) > FEW or not reads_half_precision():
             return np.asarray(x @ self.weight + self.bias)
+        from emaphm.amortized.networks.half_precision import add_product
+
         total = np.empty((len(x), self.bias.size), np.float32)
         total[:] = self.bias
         add_product(x, self._bits, total)
         return total
 
     @cached_property
-    def _bits(self) -> Bits:
+    def _bits(self) -> "Bits":
         return np.ascontiguousarray(self.weight, np.float16).view(np.uint16)
 
 
