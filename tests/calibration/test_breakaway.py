@@ -37,6 +37,7 @@ def test_the_ripple_of_comparators_increases_the_error_of_static_friction() -> N
     assert abs(coulomb.value - THESIS.mechanics.dynamic_friction) < 3 * coulomb.standard_error
 
 
+@pytest.mark.evidence  # The ripple of comparators, above, needs the same sensitivities.
 def test_the_error_of_static_friction_covers_the_leaps_of_stick_slip() -> None:
     calibration, truth = calibrated(Actuator.six_step())
     static = calibration.parameters["static"]
