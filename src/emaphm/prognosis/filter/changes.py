@@ -9,7 +9,7 @@ import numpy as np
 
 from emaphm.arrays import Array
 from emaphm.prognosis.belief import Belief
-from emaphm.prognosis.laws import Mask, breaks, in_common, keeps_rate
+from emaphm.prognosis.laws import Mask, breaks, in_common, is_moving, keeps_rate
 from emaphm.prognosis.prior import Hypotheses, Rows, replace_law_fields
 from emaphm.random_streams import stream
 
@@ -37,6 +37,21 @@ def after_onset(belief: Belief, sets_in: Mask, random: np.random.Generator) -> B
     rows = np.flatnonzero(sets_in.any(axis=1))
     drawn = belief.prior.after_onset((rows.size, belief.law.shape[1]), random)
     return with_hypotheses(belief, rows, sets_in[rows], _of_same_stress(drawn, belief, rows))
+
+
+def after_jump(
+    belief: Belief, jumps: Mask, variance: float, law_kept: float, random: np.random.Generator
+) -> Belief:
+    """Return the filter state after `jumps` (n, 8) of the levels, which add `variance` to them.
+
+    A level that was changing keeps its law and rate with the probability `law_kept`; otherwise degradation
+    starts as after a sudden onset.
+    """
+    keeps_law = is_moving(belief.law) & (in_common(random.random(jumps.shape)) < law_kept)
+    belief = after_onset(belief, jumps & ~keeps_law, random)
+    levels = belief.levels.copy()
+    np.einsum("nii->ni", levels)[jumps] += variance
+    return replace(belief, levels=levels)
 
 
 def _of_same_stress(drawn: Hypotheses, belief: Belief, rows: Rows) -> Hypotheses:

@@ -33,6 +33,7 @@ from emaphm.prognosis.belief import LEAST_VARIANCE, Belief
 from emaphm.prognosis.bounds import to_the_end
 from emaphm.prognosis.columns import ECCENTRICITY
 from emaphm.prognosis.filter.changes import (
+    after_jump,
     after_onset,
     scaled,
     with_broken_rates,
@@ -44,7 +45,6 @@ from emaphm.prognosis.laws import (
     Mask,
     has_plane,
     in_common,
-    is_moving,
     is_waiting,
     noises,
     onsets,
@@ -226,8 +226,7 @@ def _interpretation(
 
     Each of the three cases is drawn with its probability given the innovation, and the particle's likelihood
     is the sum over the cases: the optimal proposal of a particle filter [4]. An outlier adds the variance
-    `surprise`² to the diagnosis, a jump adds it to the level. After a jump, a changing level keeps its law
-    and rate with the probability `law_kept`; otherwise degradation starts as after a sudden onset.
+    `surprise`² to the diagnosis, a jump adds it to the level (`after_jump`).
     """
     total = belief.levels + covariance
     stated = _own_likelihood(innovation, total)
@@ -255,11 +254,7 @@ def _interpretation(
     np.einsum("nii->ni", total)[is_odd] += more
     jumps = is_odd & (in_common(random.random(stated.shape)) < settings.jumps / odd)
     if jumps.any():
-        keeps_law = is_moving(belief.law) & (in_common(random.random(stated.shape)) < settings.law_kept)
-        belief = after_onset(belief, jumps & ~keeps_law, random)
-        levels = belief.levels.copy()
-        np.einsum("nii->ni", levels)[jumps] += more
-        belief = replace(belief, levels=levels)
+        belief = after_jump(belief, jumps, more, settings.law_kept, random)
     return _Interpretation(belief, total, likelihood)
 
 
