@@ -95,7 +95,7 @@ def simulate(
     _check(chosen, duration, sample_rate, noise, adc_bits, controller_noise, seed)
     sent = actuator.channels.command_held
     inputs = Inputs.of(
-        sample_held(command, 1 / sample_rate, sent) if sent else command,
+        sample_held(command, 1 / sample_rate, sent),
         load,
         samples=round(duration * sample_rate),
         interval=1 / sample_rate,

@@ -210,12 +210,14 @@ class Sampled:
         return np.interp(t, self.time_s, self.values)
 
 
-def sample_held(command: Command, interval: float, sent: CommandHeld) -> Command:
+def sample_held(command: Command, interval: float, sent: CommandHeld | None) -> Command:
     """Return a `command` as held by a drive that receives it at multiples of `interval` [s].
 
     If it is `sent` "before" the row of that time is read, it acts in this row; "after", the earlier command
-    still acts then.
+    still acts then. With None, the drive receives it continuously.
     """
+    if sent is None:
+        return command
 
     def value(times: Array) -> Array:
         # Times of model steps are multiples of a fraction of the interval: rounding must not lose a row.

@@ -150,9 +150,8 @@ class RecordingSetup:
 
     def inputs(self, command: Command, step: float) -> Inputs:
         """Return the inputs of a run at each of its steps, which are at most `step` [s] long."""
-        sent = self.actuator.channels.command_held
         return Inputs.of(
-            sample_held(command, self.interval_s, sent) if sent else command,
+            sample_held(command, self.interval_s, self.actuator.channels.command_held),
             samples=self.samples,
             interval=self.interval_s,
             step=step,

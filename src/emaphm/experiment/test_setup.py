@@ -151,10 +151,9 @@ class TestSetup:
                 f"{excitation.duration:g} s at {self.sample_rate:g} Hz are {samples} rows; give time or rate "
                 f"for {FEWEST_ROWS} or more"
             )
-        command, interval = excitation.command, 1 / self.sample_rate
-        if sent := self.actuator.channels.command_held:
-            command = sample_held(command, interval, sent)
-        return DrivingSignals(command, 0.0, samples, interval, self.actuator.channels.sampling)
+        channels, interval = self.actuator.channels, 1 / self.sample_rate
+        command = sample_held(excitation.command, interval, channels.command_held)
+        return DrivingSignals(command, 0.0, samples, interval, channels.sampling)
 
     def _command_rows(self, excitation: Excitation, inputs: Inputs) -> Array:
         """Return the recorded rows (samples,) of the command, which is that of its time where it is held."""
