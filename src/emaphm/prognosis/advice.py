@@ -63,6 +63,11 @@ class Advice:
     risk: float
     reason: str
 
+    @property
+    def replaces_now(self) -> bool:
+        """Whether the unit is to be replaced before any further flight."""
+        return self.action == "replace before" and self.hours == 0
+
     def to_dict(self, now: float) -> dict[str, Any]:
         """Return the advice as JSON; `now` are the unit's current flight hours [h]."""
         return {
@@ -183,8 +188,7 @@ def without_observed_violation(given: Advice, newest: float | None) -> Advice:
     newest
         Flight hours of the newest explained diagnosis [h], None without any.
     """
-    is_now = given.action == "replace before" and given.hours == 0
-    if not is_now or (given.risk >= CERTAIN and newest is not None):
+    if not given.replaces_now or (given.risk >= CERTAIN and newest is not None):
         return given
     source = PRIOR_ALONE if newest is None else f"the forecast from the diagnosis of {newest:.9g} h"
     return Advice(
@@ -216,7 +220,7 @@ def without_new_diagnoses(
     source
         Where the forecast comes from, as text.
     """
-    if given.action == "replace before" and given.hours == 0:
+    if given.replaces_now:
         return given
     first, last = unexplained
     recordings = f"recording, of {last:.9g} h, is"
