@@ -102,7 +102,7 @@ class FutureStress(NamedTuple):
         unit has never recorded is not drawn: it is a part of the unit's own pace.
         """
         if reference is None:
-            return cls(np.zeros((1, 1, len(NO_FLIGHTS))), missions.hours)
+            return cls(np.zeros((count, 1, len(NO_FLIGHTS))), missions.hours)
         flown = exposure(pieces, reference, 0.0, hours) if hours > 0 else AT_REFERENCE
         weight, variance = np.array(missions.reference_weight), np.array(missions.variance)
         recorded = np.sum(
@@ -125,15 +125,11 @@ class FutureStress(NamedTuple):
         """
         rates = np.exp(self.covariates @ exponents)
         aged = np.cumsum(rates, axis=1) * self.hours
-        before = np.concatenate([np.zeros((len(aged), 1)), aged], axis=1)
-        paths = np.arange(ageing.size) if len(aged) > 1 else np.zeros(ageing.size, int)
-        complete = np.sum(aged[paths] <= ageing[:, np.newaxis], axis=1)
-        rate = np.where(
-            complete < rates.shape[1],
-            rates[paths, np.minimum(complete, rates.shape[1] - 1)],
-            rates.mean(axis=1)[paths],
-        )
-        return np.asarray(self.hours * complete + (ageing - before[paths, complete]) / rate)
+        complete = np.sum(aged <= ageing[:, np.newaxis], axis=1)
+        paths = np.arange(ageing.size)
+        before = np.concatenate([np.zeros((ageing.size, 1)), aged], axis=1)[paths, complete]
+        rate = np.concatenate([rates, rates.mean(axis=1, keepdims=True)], axis=1)[paths, complete]
+        return np.asarray(self.hours * complete + (ageing - before) / rate)
 
 
 def _variation(units: Sequence[Array]) -> tuple[float, float]:
