@@ -26,7 +26,7 @@ from emaphm.study.fleet.judging import FailedUnit, judged
 PLAN = FleetPlan(units=104, flights=70, interval=100.0, seed=1)
 """Plan of the recorded level: all but one or two units fail within 7,000 h."""
 
-MANY = FleetPlan(units=140, flights=70, interval=100.0, seed=2)
+MANY = FleetPlan(units=200, flights=70, interval=100.0, seed=2)
 """Plan of the level with drawn diagnoses."""
 
 PARTS = 13
@@ -37,7 +37,7 @@ RESULTS = "results.sqlite"
 RECORDED, DRAWN = "recorded", "drawn"
 """Levels of the study: diagnoses of recordings, and diagnoses drawn from the covariances of the former."""
 
-FLEET_UNITS, JUDGED = 30, 40
+FLEET_UNITS, JUDGED = 30, 100
 """In the level with drawn diagnoses: number of the first units, which are the fleet, and of the evaluated
 units after them. All other units belong to the larger fleet, together with the first units."""
 
