@@ -63,6 +63,18 @@ def test_a_single_forecast_after_a_replacement_has_bars() -> None:
     assert axis.get_legend_handles_labels()[1].count("90 %") == 1
 
 
+@pytest.mark.parametrize("replaced_at", [200.0, 230.0])
+def test_the_present_forecast_after_a_replacement_is_not_joined_to_the_old_life(replaced_at: float) -> None:
+    """The part is replaced at the hours of the newest diagnosis, or later; no diagnosis has followed."""
+    present = (replaced_at, 400.0, 700.0, 900.0, 1100.0, 1500.0)
+    unit = replace(curves(FIRST, SECOND, present), replacements=((replaced_at, "friction"),))
+    (axis,) = draw_fan(unit).axes
+    (median,) = (line for line in axis.get_lines() if line.get_label() == "median")
+    hours, ruls = (np.asarray(values, float) for values in median.get_data())
+    assert hours.tolist() == [100.0, 200.0, replaced_at, replaced_at]
+    np.testing.assert_array_equal(ruls, [500.0, 450.0, np.nan, 900.0])
+
+
 def test_the_intervals_of_several_forecasts_are_bands() -> None:
     (axis,) = draw_fan(curves(FIRST, SECOND)).axes
     assert spans(axis) == {"90 %": (150.0, 900.0), "50 %": (300.0, 700.0)}

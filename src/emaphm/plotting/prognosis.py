@@ -1,5 +1,6 @@
 """Figures of a prognosis: levels over time with limits, probability of failure, fan chart of the RUL."""
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -96,11 +97,7 @@ def draw_fan(curves: Curves, *, narrow: bool = False) -> "Figure":
     figure = new_figure(NARROW_WIDTH if narrow else PAGE_WIDTH, 3.0)
     axis = figure.subplots()
     replacement_hours = sorted({hours for hours, _ in curves.replacements if hours > curves.fan[0][0]})
-    # Of several forecasts at the same hours, the last one counts.
-    forecasts = {row[0]: row for row in curves.fan}.values()
-    # A new life starts at a replacement: gaps separate the lines of the old and the new part.
-    breaks = [(hours, *[np.nan] * len(PROBABILITIES)) for hours in replacement_hours]
-    hours, *quantiles = np.array(sorted([*forecasts, *breaks], key=lambda row: row[0])).T
+    hours, *quantiles = np.array(_fan_rows(curves, replacement_hours)).T
     _replacements(axis, replacement_hours, in_legend=bool(replacement_hours))
     is_forecast = np.isfinite(quantiles[MEDIAN])
     is_alone = _alone(is_forecast)
@@ -118,6 +115,22 @@ def draw_fan(curves: Curves, *, narrow: bool = False) -> "Figure":
     plain_numbers(axis)
     _legend(figure, axis, narrow=narrow)
     return figure
+
+
+def _fan_rows(curves: Curves, replacement_hours: "Sequence[float]") -> "list[tuple[float, ...]]":
+    """Return the forecasts of the fan chart, with a row of NaN between the lives of an old and a new part.
+
+    A replacement comes after the forecasts at its hours, except after the present one, the last of
+    `curves.fan`. Of several forecasts of one life at the same hours, the last one counts.
+    """
+    *earlier, present = curves.fan
+    rows: list[tuple[float, ...]] = []
+    for begin, end in pairwise([-np.inf, *replacement_hours, np.inf]):
+        life = {row[0]: row for row in earlier if begin < row[0] <= end}
+        if end == np.inf:
+            life[present[0]] = present
+        rows += [*sorted(life.values()), (end, *[np.nan] * len(PROBABILITIES))]
+    return rows[:-1]
 
 
 def _alone(is_forecast: Flags) -> Flags:
