@@ -14,6 +14,7 @@ import pytest
 from emaphm.actuator import NAMES, Actuator
 from emaphm.cli import main
 from emaphm.diagnosis import Diagnosis, diagnose
+from emaphm.errors import MethodError
 from emaphm.fleet import settings as settings_module
 from emaphm.recording import Recording
 from emaphm.recording.content import recording_hash
@@ -101,6 +102,23 @@ def test_a_new_unit_with_a_name_like_that_of_a_known_unit_has_a_note(
     added = ("add", recordings / "second.csv", "--unit", unit, "--hours", "120")
     assert answer(emaphm, *added)["similar_units"] == similar
     assert "Note" not in emaphm("history", *added).out  # the unit is known now
+
+
+def test_an_error_states_which_recordings_of_the_flight_are_in_the_history(
+    emaphm: Emaphm, flown: Path, recordings: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any, **__: Any) -> Diagnosis:
+        raise MethodError("is of another manoeuvre")
+
+    monkeypatch.setattr(settings_module, "diagnose", refuse)
+    first, second, again = recordings / "first.csv", recordings / "second.csv", flown / "again.csv"
+    shutil.copy(second, again)
+    flight = ("--unit", "SN-7", "--hours", "100")
+    code, out, err = emaphm("history", "add", first, second, again, *flight)
+    assert (code, out) == (2, "")
+    assert err == (
+        f"emaphm: is of another manoeuvre; in the history: {first}; not diagnosed: again.csv\n"
+    ).replace("again.csv", str(again))
 
 
 @pytest.mark.usefixtures("flown")

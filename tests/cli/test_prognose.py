@@ -325,6 +325,14 @@ def test_limits_are_printed(emaphm: Emaphm, fleet: Path) -> None:
     assert answer["k"][1] == 0.2
     text = emaphm("limits", "--actuator", "required.toml", "--fault", "friction=0.7").out
     assert "violated already: friction at most 0.6" in text
+    (row,) = (line for line in text.splitlines() if line.startswith("friction at most 0.6"))
+    assert row.split() == [
+        "friction",
+        "at",
+        "most",
+        "0.6",
+        "0.7",
+    ]  # and no "–": a friction of 0.6 violates it
     assert "states no [[requirements]]" in emaphm("limits").out
 
 

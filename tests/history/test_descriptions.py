@@ -9,8 +9,10 @@ from cases import THESIS
 from emaphm.actuator import Actuator
 from emaphm.actuator.lumped_parameters import with_lumped_parameters
 from emaphm.actuator.toml import write_toml
+from emaphm.errors import HistoryError
 from emaphm.history import History
 from emaphm.history.notes.descriptions import unlike_others
+from emaphm.history.storage.tables import DESCRIPTIONS
 from emaphm.prognosis import Evidence
 
 from . import made_up
@@ -35,6 +37,26 @@ def test_a_parameter_outside_the_range_of_the_other_units_is_noted_with_that_ran
 def test_a_single_unit_and_units_with_equal_descriptions_have_no_note() -> None:
     assert unlike_others(toml(THESIS), []) == ()
     assert unlike_others(toml(THESIS), [toml(THESIS)]) == ()
+
+
+def test_a_description_that_this_version_cannot_read_is_not_compared() -> None:
+    newer = toml(THESIS).replace("inertia_motor", "inertia_of_a_newer_version")
+    assert unlike_others(toml(THESIS), [newer]) == ()
+    assert unlike_others(newer, [toml(THESIS)]) == ()
+
+
+def test_a_unit_whose_description_cannot_be_read_is_named_with_the_remedy(tmp_path: Path) -> None:
+    with History.open(tmp_path / "newer.sqlite", create=True) as history:
+        history.add(made_up.entry("S1", 100.0), made_up.recording(0), made_up.diagnosis(0))
+        newer = DESCRIPTIONS.update().values(
+            toml=toml(THESIS).replace("inertia_motor", "inertia_of_a_newer_version")
+        )
+        with history.database.writing() as connection:
+            connection.execute(newer)
+        unit = history.unit("S1")
+        assert Evidence.of(unit).description_notes == ()  # its diagnoses serve other units' priors
+        with pytest.raises(HistoryError, match=r"description kept of unit 'S1'.*update emaphm"):
+            _ = unit.actuator
 
 
 def test_the_evidence_of_a_unit_contains_the_note(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from emaphm.errors import PrognosisError
 from emaphm.prognosis import Costs, Question
-from emaphm.prognosis.advice import Advice, advice, without_observed_violation
+from emaphm.prognosis.advice import Advice, advice, without_followed_rates, without_observed_violation
 from emaphm.prognosis.wording.sentences import advice_text
 
 
@@ -189,3 +189,12 @@ def test_a_small_risk_is_not_rounded_to_zero() -> None:
 )
 def test_advice_states_the_hours_from_now_and_the_flight_hours(given: Advice, words: str) -> None:
     assert advice_text(given, 2500.0).startswith(words)
+
+
+def test_levels_that_change_too_fast_for_the_forecast_are_inspected_now_unless_replaced_now() -> None:
+    fly_on = Advice("fly on", 100.0, 0.01, "the risk exceeds 5 % beyond the horizon")
+    inspected = without_followed_rates(fly_on, "backlash by 0.25", 0.0)
+    assert (inspected.action, inspected.hours, inspected.risk) == ("inspect by", 0.0, 0.0)
+    assert "backlash by 0.25" in inspected.reason
+    replaced = Advice("replace before", 0.0, 1.0, "a requirement is violated already")
+    assert without_followed_rates(replaced, "backlash by 0.25", 1.0) is replaced

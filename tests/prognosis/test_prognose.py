@@ -20,6 +20,7 @@ from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, failure_levels, vectors_of
 from emaphm.prognosis.requirements.failure_times import failure_times, responsible
 from emaphm.prognosis.settings import DegradationSettings, ForecastSettings
+from emaphm.prognosis.wording.tables import level_table
 
 ERROR = 0.01
 EVERYTHING = np.ones(8, bool)
@@ -480,3 +481,10 @@ def test_unusual_histories_have_a_prognosis_without_errors(case: int) -> None:
     assert np.all(prognosis.sample >= 0)
     assert np.all(np.isfinite(prognosis.paths.level))
     json.dumps(prognosis.to_dict(), allow_nan=False)
+
+
+def test_a_level_that_is_rounded_to_zero_has_no_sign() -> None:
+    friction = {"median": -0.0002, "interval90": [-0.0004, 0.001], "laws": {"constant": 1.0}}
+    assert level_table({"friction": friction}).rows == (
+        ("friction", "0.000", "0.000 to 0.001", "constant (100 %)"),
+    )

@@ -33,9 +33,12 @@ def test_hours_entered_in_thousands_are_noted() -> None:
 
 
 @pytest.mark.usefixtures("few_steps")
-def test_a_prognosis_contains_the_note() -> None:
-    notes = prognose(worn(20.0, every=1e-3), Actuator.thesis(), keep_past=False).notes
-    assert any("faster than this forecast can follow" in note for note in notes)
+def test_a_prognosis_contains_the_note_and_advises_to_inspect_now() -> None:
+    """The forecast has failures hundreds of hours later than the diagnoses show."""
+    prognosis = prognose(worn(20.0, every=1e-3), Actuator.thesis(), keep_past=False)
+    assert any("faster than this forecast can follow" in note for note in prognosis.notes)
+    assert (prognosis.advice.action, prognosis.advice.hours) == ("inspect by", 0.0)
+    assert "check the unit of the hours" in prognosis.advice.reason
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -44,6 +44,37 @@ def test_the_intervals_of_a_single_forecast_are_bars_as_wide_as_a_line() -> None
     assert all(np.all(np.asarray(drawn.get_linewidth()) == 8.0) for drawn in axis.collections)
 
 
+def test_a_unit_with_one_diagnosis_has_bars_though_it_was_forecast_then_and_now_at_the_same_hours() -> None:
+    (axis,) = draw_fan(curves(FIRST, FIRST)).axes
+    assert spans(axis) == {"90 %": (200.0, 900.0), "50 %": (350.0, 700.0)}
+    assert all(np.all(np.asarray(drawn.get_linewidth()) == 8.0) for drawn in axis.collections)
+
+
+def test_a_single_forecast_after_a_replacement_has_bars() -> None:
+    third = (300.0, 250.0, 400.0, 500.0, 650.0, 850.0)
+    unit = replace(curves(FIRST, SECOND, third), replacements=((250.0, "friction"),))
+    (axis,) = draw_fan(unit).axes
+    bars = [drawn for drawn in axis.collections if np.all(np.asarray(drawn.get_linewidth()) == 8.0)]
+    ends = [np.asarray(path.vertices) for drawn in bars for path in drawn.get_paths()]
+    assert [end.tolist() for end in ends] == [
+        [[300.0, 250.0], [300.0, 850.0]],
+        [[300.0, 400.0], [300.0, 650.0]],
+    ]
+    assert axis.get_legend_handles_labels()[1].count("90 %") == 1
+
+
+@pytest.mark.parametrize("replaced_at", [200.0, 230.0])
+def test_the_present_forecast_after_a_replacement_is_not_joined_to_the_old_life(replaced_at: float) -> None:
+    """The part is replaced at the hours of the newest diagnosis, or later; no diagnosis has followed."""
+    present = (replaced_at, 400.0, 700.0, 900.0, 1100.0, 1500.0)
+    unit = replace(curves(FIRST, SECOND, present), replacements=((replaced_at, "friction"),))
+    (axis,) = draw_fan(unit).axes
+    (median,) = (line for line in axis.get_lines() if line.get_label() == "median")
+    hours, ruls = (np.asarray(values, float) for values in median.get_data())
+    assert hours.tolist() == [100.0, 200.0, replaced_at, replaced_at]
+    np.testing.assert_array_equal(ruls, [500.0, 450.0, np.nan, 900.0])
+
+
 def test_the_intervals_of_several_forecasts_are_bands() -> None:
     (axis,) = draw_fan(curves(FIRST, SECOND)).axes
     assert spans(axis) == {"90 %": (150.0, 900.0), "50 %": (300.0, 700.0)}

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from emaphm.errors import HistoryError
+from emaphm.errors import ActuatorError, HistoryError
 from emaphm.history import reading
 from emaphm.history.entries import UnitEntries
 from emaphm.history.kept_diagnosis import KeptDiagnosis
@@ -112,9 +112,13 @@ class Unit:
         with self.database.reading() as connection:
             toml = reading.description(connection, self._id(connection))
         assert toml is not None  # noqa: S101 - a unit is in the history by its diagnoses
-        return Actuator.from_dict(
-            tomllib.loads(toml), where=f"the description kept of unit '{self.serial_number}'"
-        )
+        where = f"the description kept of unit '{self.serial_number}'"
+        try:
+            return Actuator.from_dict(tomllib.loads(toml), where=where)
+        except ActuatorError as error:
+            raise HistoryError(
+                f"{error}; a newer version of emaphm may have stored it: update emaphm"
+            ) from None
 
     def described_by(self, given: "Actuator | None") -> "Actuator":
         """Return the `given` description if any, otherwise that of the last diagnosis.

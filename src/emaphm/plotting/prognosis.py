@@ -1,11 +1,12 @@
 """Figures of a prognosis: levels over time with limits, probability of failure, fan chart of the RUL."""
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from emaphm.actuator import COMPONENTS
-from emaphm.arrays import Array
+from emaphm.arrays import Array, Flags
 from emaphm.plotting.style import (
     BLUE,
     FAINT,
@@ -39,7 +40,7 @@ BANDS = ((0, 4, 0.18), (1, 3, 0.35))
 MEDIAN = PROBABILITIES.index(0.5)
 
 BAR = 8.0
-"""Line width [pt] of an interval if there is only one forecast."""
+"""Line width [pt] of the intervals of a life with only one forecast."""
 
 LOW = 0.2
 """Share of the largest RUL in a fan below which a median is hardly readable on a linear axis."""
@@ -96,22 +97,48 @@ def draw_fan(curves: Curves, *, narrow: bool = False) -> "Figure":
     figure = new_figure(NARROW_WIDTH if narrow else PAGE_WIDTH, 3.0)
     axis = figure.subplots()
     replacement_hours = sorted({hours for hours, _ in curves.replacements if hours > curves.fan[0][0]})
-    # A new life starts at a replacement: gaps separate the lines of the old and the new part.
-    breaks = [(hours, *[np.nan] * len(PROBABILITIES)) for hours in replacement_hours]
-    hours, *quantiles = np.array(sorted([*map(tuple, curves.fan), *breaks], key=lambda row: row[0])).T
+    hours, *quantiles = np.array(_fan_rows(curves, replacement_hours)).T
     _replacements(axis, replacement_hours, in_legend=bool(replacement_hours))
+    is_forecast = np.isfinite(quantiles[MEDIAN])
+    is_alone = _alone(is_forecast)
     for low, high, opacity in BANDS:
         ends, label = (quantiles[low], quantiles[high]), _band(low, high)
-        if len(hours) > 1:
+        if np.any(is_forecast & ~is_alone):
             axis.fill_between(hours, *ends, color=BLUE, alpha=opacity, linewidth=0, label=label)
-        else:  # a band of one forecast has no width
-            axis.vlines(hours, *ends, color=BLUE, alpha=opacity, linewidth=BAR, label=label)
+            label = "_"  # once in the legend
+        if np.any(is_alone):
+            single = (values[is_alone] for values in (hours, *ends))
+            axis.vlines(*single, color=BLUE, alpha=opacity, linewidth=BAR, label=label)
     axis.plot(hours, quantiles[MEDIAN], "o-", color=BLUE, markersize=3, label="median")
     style_axis(axis, "RUL as forecast", "flight hours [h]", f"RUL [h], at most {curves.longest:,.0f}")
     _rul_axis(axis, np.array(quantiles))
     plain_numbers(axis)
     _legend(figure, axis, narrow=narrow)
     return figure
+
+
+def _fan_rows(curves: Curves, replacement_hours: "Sequence[float]") -> "list[tuple[float, ...]]":
+    """Return the forecasts of the fan chart, with a row of NaN between the lives of an old and a new part.
+
+    A replacement comes after the forecasts at its hours, except after the present one, the last of
+    `curves.fan`. Of several forecasts of one life at the same hours, the last one counts.
+    """
+    *earlier, present = curves.fan
+    rows: list[tuple[float, ...]] = []
+    for begin, end in pairwise([-np.inf, *replacement_hours, np.inf]):
+        life = {row[0]: row for row in earlier if begin < row[0] <= end}
+        if end == np.inf:
+            life[present[0]] = present
+        rows += [*sorted(life.values()), (end, *[np.nan] * len(PROBABILITIES))]
+    return rows[:-1]
+
+
+def _alone(is_forecast: Flags) -> Flags:
+    """Return which of the forecasts (n,) has no neighbour in its life: a band of it would have no width."""
+    is_alone = is_forecast.copy()
+    is_alone[1:] &= ~is_forecast[:-1]
+    is_alone[:-1] &= ~is_forecast[1:]
+    return is_alone
 
 
 def _rul_axis(axis: "Axes", quantiles: Array) -> None:

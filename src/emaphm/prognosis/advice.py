@@ -233,3 +233,26 @@ def without_new_diagnoses(
     if given.action == "replace before":
         reason += f"; otherwise replace within {given.hours:,.0f} h, according to {source}"
     return Advice("inspect by", 0.0, failed, reason)
+
+
+def without_followed_rates(given: Advice, rates: str, failed: float) -> Advice:
+    """Return the advice for a unit whose levels change faster than a forecast can follow: inspect now.
+
+    The failure comes earlier than forecast. Advice to replace now is not changed.
+
+    Parameters
+    ----------
+    given
+        The advice according to the forecast.
+    rates
+        The components that change faster, with their rates per hour, as text.
+    failed
+        The probability, according to the forecast, that the unit has already failed.
+    """
+    if given.replaces_now:
+        return given
+    reason = (
+        f"levels change faster than the forecast can follow, per hour: {rates}; check the unit of the hours, "
+        "and record again"
+    )
+    return Advice("inspect by", 0.0, failed, reason)

@@ -14,6 +14,7 @@ from emaphm.prognosis.advice import (
     Advice,
     Costs,
     advice,
+    without_followed_rates,
     without_new_diagnoses,
     without_observed_violation,
 )
@@ -24,6 +25,7 @@ from emaphm.prognosis.filter.following import Followed, follow
 from emaphm.prognosis.forecast import Paths, UnitDraws, drawn_states, paths
 from emaphm.prognosis.from_fleet.forecast_by_fleet import by_fleet
 from emaphm.prognosis.notes.gathering import notes_on
+from emaphm.prognosis.notes.rates import rates_too_fast
 from emaphm.prognosis.prior import NEW, Prior
 from emaphm.prognosis.requirements import Requirements, vectors_of
 from emaphm.prognosis.requirements.failure_times import FailureTimes, failure_times, responsible
@@ -194,6 +196,9 @@ def _advice(evidence: Evidence, rul: Array, question: Question, *, age: float, o
     if not observed:
         given = without_observed_violation(given, evidence.used[-1].hours if evidence.used else None)
     newest, failed = evidence.unexplained, float(np.mean(rul == 0))
+    rates = rates_too_fast(evidence)
+    if rates:
+        given = without_followed_rates(given, rates, failed)
     if newest is None:
         return given
     if not evidence.used:

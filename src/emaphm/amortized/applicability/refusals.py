@@ -83,7 +83,7 @@ def _difference_from_training(setup: RecordingSetup, recording: Recording) -> st
     difference = float(np.max(np.abs(recording["command_rad"] - setup.command_rad)))
     if difference > COMMAND_TOLERANCE * setup.reach:
         return (
-            f"is of another manoeuvre: its command differs by up to {100 * difference / setup.reach:.2g} % "
+            f"is of another manoeuvre: its command differs by up to {100 * difference / setup.reach:.3g} % "
             "from the one that the estimator was trained on"
         )
     return None

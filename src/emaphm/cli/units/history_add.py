@@ -20,6 +20,7 @@ from emaphm.cli.options import (
 )
 from emaphm.cli.output import progress, show
 from emaphm.cli.units.history_options import DB, Database, Hours, Unit
+from emaphm.errors import EmaphmError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -153,18 +154,27 @@ def _add_missing(
     # Invalid recordings are refused before any is diagnosed.
     for recording in recordings:
         is_missing(recording)
-    kept = []
+    kept: list[tuple[bool, KeptDiagnosis]] = []
     for recording in recordings:
         # Checked again: the same recording may have been given twice.
         added = is_missing(recording)
         if added:
-            with progress(f"diagnosing {recording.source}", quiet) as advance:
-                diagnosis = settings.diagnosed(recording, actuator, workers=None, on_progress=advance)
+            try:
+                with progress(f"diagnosing {recording.source}", quiet) as advance:
+                    diagnosis = settings.diagnosed(recording, actuator, workers=None, on_progress=advance)
+            except EmaphmError as error:
+                raise type(error)(f"{error}{_progress_made(recordings, len(kept))}") from None
             added = history.add(entry, recording, diagnosis, actuator).added
         stored = history.kept(recording, actuator, settings.seed, settings.method_names)
         assert stored is not None  # noqa: S101 - it was stored before, or was added
         kept.append((added, stored))
     return kept
+
+
+def _progress_made(recordings: "Sequence[Recording]", failed: int) -> str:
+    """Return as text which recordings are in the history although that of index `failed` is not."""
+    parts = [("in the history", recordings[:failed]), ("not diagnosed", recordings[failed + 1 :])]
+    return "".join(f"; {what}: {', '.join(each.source for each in some)}" for what, some in parts if some)
 
 
 def _recording_values(source: str, kept: "KeptDiagnosis", *, added: bool) -> dict[str, Any]:

@@ -25,11 +25,8 @@ def limits(*, actuator: ActuatorFile = "thesis", fault: FaultList = (), as_json:
         "k": faults.vector.tolist(),
         "requirements": [_entry(required) for required in requirements],
     }
-    names = list(requirements[0].levels)
-    rows = [
-        (required.limit.label, f"{required.value:.4g}", *(_levels(required, name) for name in names))
-        for required in requirements
-    ]
+    names = requirements[0].levels
+    rows = [(required.limit.label, f"{required.value:.4g}", *_levels(required)) for required in requirements]
     lines = [format_table(("requirement", "value", *names), rows)]
     if not stated:
         lines.append("the actuator states no [[requirements]]: the table shows the end of each scale")
@@ -70,9 +67,15 @@ def _violation(required: "FailureLevels", *, is_new: bool) -> str:
     )
 
 
-def _levels(required: "FailureLevels", name: str) -> str:
+def _levels(required: "FailureLevels") -> list[str]:
+    """Return the failure level of each fault as text, empty if the requirement is violated already."""
+    if required.violated:
+        return [""] * len(required.levels)
+    return [_level(up, down) for up, down in required.levels.values()]
+
+
+def _level(up: float | None, down: float | None) -> str:
     from emaphm.text_table import NOTHING
 
-    up, down = required.levels[name]
     parts = [*([f"{up:.3f}"] if up is not None else []), *([f"↓ {down:.3f}"] if down is not None else [])]
     return ", ".join(parts) or NOTHING

@@ -9,6 +9,7 @@ import sqlalchemy as sa
 from emaphm.actuator import Actuator
 from emaphm.actuator.lumped_parameters import kept_parameters
 from emaphm.actuator.unit.baseline import LUMPED_PARAMETERS, SIGNED
+from emaphm.errors import ActuatorError
 from emaphm.history import reading
 
 FACTOR = 2.0
@@ -38,7 +39,8 @@ def description_notes(connection: sa.Connection, unit: reading.UnitRow) -> tuple
 def unlike_others(toml: str, others: Sequence[str]) -> tuple[str, ...]:
     """Return a note if a description (TOML) differs from those of `others`, or none.
 
-    The comparison uses the nonnegative parameters that this unit and another unit have.
+    The comparison uses the nonnegative parameters that this unit and another unit have. Descriptions that
+    this version cannot read, such as those of a newer version, are not compared.
     """
     distinct = {other for other in others if other != toml}
     if not distinct or toml in others:
@@ -63,7 +65,11 @@ def unlike_others(toml: str, others: Sequence[str]) -> tuple[str, ...]:
 
 @lru_cache(maxsize=256)
 def _parameters(toml: str) -> dict[str, float]:
-    actuator = Actuator.from_dict(tomllib.loads(toml), where="a description kept in the history")
+    """Return the parameters of a description by name, none if this version cannot read it."""
+    try:
+        actuator = Actuator.from_dict(tomllib.loads(toml))
+    except ActuatorError:
+        return {}
     return {name: value for name, value in kept_parameters(actuator, SIGNED).items() if value > 0}
 
 

@@ -21,20 +21,25 @@ SIGNIFICANT = 4.0
 
 def rate_notes(evidence: "Evidence") -> list[str]:
     """Return a note on the components whose level changes faster than `LARGEST_RATE`, if any does."""
+    rates_text = rates_too_fast(evidence)
+    if not rates_text:
+        return []
+    note = (
+        f"levels change faster than this forecast can follow, {LARGEST_RATE:g} per hour: {rates_text}; "
+        "check the unit of the hours"
+    )
+    return [note]
+
+
+def rates_too_fast(evidence: "Evidence") -> str:
+    """Return components and rates [1/h] above `LARGEST_RATE` as text, empty if there are none."""
     rates: dict[str, float] = {}
     for column, name in enumerate(CARTESIAN_NAMES):
         rate = abs(_rate(evidence, column))
         if rate > LARGEST_RATE:
             component = component_of(name)
             rates[component] = max(rate, rates.get(component, 0.0))
-    if not rates:
-        return []
-    rates_text = ", ".join(f"{name} by {rate:.2g}" for name, rate in rates.items())
-    note = (
-        f"levels change faster than this forecast can follow, {LARGEST_RATE:g} per hour: {rates_text}; "
-        "check the unit of the hours"
-    )
-    return [note]
+    return ", ".join(f"{name} by {rate:.2g}" for name, rate in rates.items())
 
 
 def _rate(evidence: "Evidence", column: int) -> float:

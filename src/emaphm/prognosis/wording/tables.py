@@ -12,8 +12,8 @@ def level_table(levels: Mapping[str, Mapping[str, Any]]) -> TextTable:
     rows = tuple(
         (
             name,
-            f"{level['median']:.3f}",
-            "{:.3f} to {:.3f}".format(*level["interval90"]),
+            f"{level['median']:z.3f}",
+            " to ".join(f"{end:z.3f}" for end in level["interval90"]),
             _most_likely_law(level["laws"]),
         )
         for name, level in levels.items()
