@@ -49,6 +49,23 @@ def test_a_law_adds_its_parameters(name: str) -> None:
     assert law.excited_by
 
 
+@pytest.mark.parametrize(
+    ("pole_pairs", "orders"),
+    [
+        (1, [1, 2, 6, 12]),
+        (2, [1, 2, 4, 12, 24]),
+        (5, [1, 2, 5, 10, 30, 60]),
+        (21, [1, 2, 21, 42, 126]),
+        (300, [1, 2]),
+    ],
+)
+def test_cogging_has_the_orders_of_the_turn_the_electrical_turn_and_the_slots(
+    pole_pairs: int, orders: list[int]
+) -> None:
+    actuator = changed(electrical={"pole_pairs": pole_pairs})
+    assert [harmonic.order for harmonic in law_named("cogging").added_to(actuator).ripple] == orders
+
+
 @EACH_LAW
 def test_an_existing_law_is_not_added_again(name: str) -> None:
     within = law_named(name).added_to(THESIS, 50.0)

@@ -13,6 +13,9 @@ from emaphm.actuator.section import Section
 
 BAM = "arXiv 2410.08650"
 
+HIGHEST_ORDER = 200
+"""Highest order of a torque ripple, in periods per turn."""
+
 
 class Friction(Section):
     """Laws of dry and viscous friction in addition to their values in [mechanics]."""
@@ -124,7 +127,7 @@ class Weight(Section):
 class RippleHarmonic(Section):
     """One harmonic of the torque ripple: cos × cos nθ + sin × sin nθ is added to the motor's torque."""
 
-    order: int = quantity("periods per turn, n", "-", CHOSEN, ge=1, le=200)
+    order: int = quantity("periods per turn, n", "-", CHOSEN, ge=1, le=HIGHEST_ORDER)
     of: Literal["motor", "screw"] = "motor"
     cos: float = quantity("amplitude with the cosine", "N·m", CHOSEN, default=0.0)
     sin: float = quantity("amplitude with the sine", "N·m", CHOSEN, default=0.0)

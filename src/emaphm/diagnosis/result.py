@@ -24,6 +24,7 @@ from emaphm.diagnosis.text import (
     on_known,
     on_laws,
     on_load,
+    on_ripple,
     on_selected,
     on_unit,
     on_unknown,
@@ -294,6 +295,7 @@ class Diagnosis:
         yield from on_known(self.nuisances, self.load)
         yield from on_load(self.load)
         yield from on_laws(self.laws, self.law_parameters)
+        yield from on_ripple(self.law_parameters, self.actuator)
         yield from on_selected(self.selected)
         yield from on_unknown(self.nuisances, self.load, self.collinear_sets, self.channels)
         yield from on_unit(self.nuisances, self.law_parameters, self.subject)

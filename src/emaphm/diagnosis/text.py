@@ -33,6 +33,9 @@ NOT_EXPLAINED = (
     "Values from a data sheet need their [tolerances] in the description, or a calibration."
 )
 
+SIGNIFICANT = 3.0
+"""Number of standard errors by which a torque ripple must differ from 0 for its cause to be named."""
+
 
 def fault_rows(
     components: Mapping[str, Estimate], faults: Faults, actuator: Actuator, truth: Faults | None
@@ -140,6 +143,27 @@ def on_laws(names: Sequence[str], values: Mapping[str, NuisanceEstimate]) -> Ite
                 f"[{section}] of the actuator's file."
             )
     yield text
+
+
+def on_ripple(values: Mapping[str, NuisanceEstimate], actuator: Actuator) -> Iterator[str]:
+    """Yield the orders of the torque ripple in `values`, and another cause of that once per electrical turn.
+
+    A zero o of the current sensor of a phase makes a torque of -k o s(P θ), whatever the current.
+    """
+    if "ripple1_cos" not in values or not actuator.three_phases:
+        return
+    orders = [harmonic.order for harmonic in LAWS["cogging"].added_to(actuator).ripple]
+    listed = f"{', '.join(map(str, orders[:-1]))} and {orders[-1]}"
+    yield f"ripple1 to ripple{len(orders)} have {listed} periods per turn of the motor."
+    if actuator.pole_pairs not in orders:
+        return
+    name = f"ripple{orders.index(actuator.pole_pairs) + 1}"
+    parts = [values[part] for part in (f"{name}_cos", f"{name}_sin") if part in values]
+    if any(abs(part.value) > SIGNIFICANT * part.standard_error for part in parts):
+        yield (
+            f"{name}, once per electrical turn, may also be due to zeros of the drive's current sensors: "
+            "check them without current."
+        )
 
 
 def on_selected(selected: Sequence[str]) -> Iterator[str]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from emaphm.actuator.actuator import Actuator
+from emaphm.actuator.law_sections import HIGHEST_ORDER
 from emaphm.actuator.laws.reasons import reason_against
 from emaphm.actuator.unit.baseline import COMMUTATION, HALL_SENSORS, MOST_HARMONICS
 from emaphm.errors import MethodError, nearest
@@ -155,9 +156,13 @@ def _compliance(actuator: Actuator, speed: float) -> Sections:  # noqa: ARG001
 
 
 def _cogging(actuator: Actuator, speed: float) -> Sections:  # noqa: ARG001
-    poles = 2 * actuator.pole_pairs
-    orders = [1, 2, *([poles] if poles > 2 else []), 3 * poles, 6 * poles]
-    return {"ripple": [{"order": order, "of": "motor"} for order in orders[:MOST_HARMONICS]]}
+    """Return the first orders of the turn, those of usual numbers of slots, and that of the electrical turn.
+
+    Zeros of the drive's current sensors cause a ripple once per electrical turn.
+    """
+    pairs = actuator.pole_pairs
+    orders = sorted({1, 2, pairs, 2 * pairs, 6 * pairs, 12 * pairs})
+    return {"ripple": [{"order": order, "of": "motor"} for order in orders if order <= HIGHEST_ORDER]}
 
 
 def _drive(actuator: Actuator, **values: float) -> Sections:
