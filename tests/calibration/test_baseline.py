@@ -338,10 +338,11 @@ def test_without_nuisances_the_baseline_is_estimated(faulty: Recording, calibrat
 
 
 def test_a_second_calibration_replaces_the_first(healthy: list[Recording], calibrated: Calibration) -> None:
-    again = calibrate(healthy[:1], calibrated.actuator, FREE, max_corrections=0, workers=1)
+    again = calibrate(healthy[:1], calibrated.actuator, max_corrections=0, workers=1)
     baseline = again.actuator.baseline
     assert baseline is not None
     assert baseline.recordings == ("day 1",)
+    assert baseline.names == FREE  # by default the same parameters
     assert again.actuator.name == calibrated.actuator.name == "thesis, calibrated"
     fresh = calibrate(healthy[:1], THESIS, FREE, max_corrections=0, workers=1)
     # The first covariance is no prior: the errors are those of a single recording.

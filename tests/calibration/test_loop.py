@@ -8,6 +8,7 @@ import pytest
 from cases import THESIS
 from emaphm.actuator import Actuator, Chirp
 from emaphm.actuator.lumped_parameters import lumped_parameters, with_lumped_parameters
+from emaphm.actuator.unit.tolerances import Tolerances
 from emaphm.calibration import CampaignRow, calibrate
 from emaphm.calibration.motion.fit import coordinates, measured_start
 from emaphm.calibration.motion.result import described_for_motion
@@ -74,6 +75,11 @@ def test_the_result_by_measured_motion_is_a_description_a_table_and_json(referen
     for piece in ("Calibrated by measured motion: as asked for.", "torque by the measured motion"):
         assert piece in str(calibration)
     Actuator.from_dict(calibration.actuator.model_dump(exclude_none=True), where="calibrated")
+
+
+def test_the_parameters_with_a_tolerance_are_free_by_default(reference: Recording) -> None:
+    data_sheet = THESIS.model_copy(update={"tolerances": Tolerances(inertia=0.1, coulomb=0.3)})
+    assert set(calibrate(reference, data_sheet, loop="measured").parameters) == {"inertia", "coulomb"}
 
 
 def test_with_a_right_description_the_closed_loop_is_used(reference: Recording) -> None:

@@ -94,8 +94,8 @@ def calibrate(
     free
         Names from `emaphm.actuator.unit.baseline.LUMPED_PARAMETERS`. Other parameters keep their values,
         except parameters with a tolerance, which are also free in closed loop. Static friction keeps its
-        ratio to dynamic friction unless it is free itself. With `laws`, `free` may be left out: the usual
-        parameters that the recordings identify are then free.
+        ratio to dynamic friction unless it is free itself. By default, the parameters with a tolerance and
+        those of an existing baseline; with `laws`, the usual parameters that the recordings identify.
     laws
         Names of laws to add to the description, with free parameters; "auto" tries all laws and adds, one at
         a time, laws that lower the error in recordings left out of the fit.
@@ -131,7 +131,7 @@ def calibrate(
     began = time.perf_counter()
     rows = campaign_rows(recordings)
     check_actuator(actuator)
-    names = None if free is None else tuple(dict.fromkeys(free))
+    names = _free_parameters(free, laws, actuator)
     bare = actuator.model_copy(update={"baseline": None, "model_error": NOT_LEARNED})
     _check(rows, bare, names, nuisances)
     rows = tuple(replace(row, recording=with_smoothed_command(row.recording, bare)) for row in rows)
@@ -169,6 +169,17 @@ def _with_earlier_warnings(calibration: Calibration, before: Actuator) -> Calibr
     """Return the calibration with warnings on an earlier calibration in the description `before`."""
     added = earlier_warnings(before, calibration.actuator)
     return replace(calibration, warnings=(*calibration.warnings, *added))
+
+
+def _free_parameters(free: Sequence[str] | None, laws: Laws, actuator: Actuator) -> tuple[str, ...] | None:
+    """Return the parameters that are free, None if they depend on what the recordings identify."""
+    if free is not None:
+        return tuple(dict.fromkeys(free))
+    if laws is not None:
+        return None
+    calibrated = actuator.baseline.names if actuator.baseline else ()
+    toleranced = actuator.tolerances.deviations if actuator.tolerances else ()
+    return tuple(dict.fromkeys((*calibrated, *toleranced))) or None
 
 
 def _check(

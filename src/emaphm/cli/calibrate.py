@@ -92,8 +92,8 @@ def calibrate(
     free: Annotated[
         str | None,
         Parameter(
-            help="Parameters to estimate, separated by commas, e.g. inertia,viscous,coulomb. Default with "
-            "--laws: the usual parameters, as far as the recordings identify them."
+            help="Parameters to estimate, separated by commas, e.g. inertia,viscous,coulomb. Default: those "
+            "in [tolerances] and [baseline]; with --laws, the usual ones that the recordings identify."
         ),
     ] = None,
     out: Annotated[Path, Parameter(name=("--out", "-o"), help="Calibrated description to write: .toml.")],
@@ -109,12 +109,13 @@ def calibrate(
     diagnoses.
     """
     common.check((out, (".toml",)), (figure, FIGURES))
-    if free is None and modelling.laws is None:
-        raise MethodError(
-            "nothing to calibrate: --free and --laws are left out; name parameters with --free, e.g. "
-            "--free inertia,coulomb, or laws with --laws, e.g. --laws auto"
-        )
     described = described_actuator(actuator)
+    is_exact = described.tolerances is None and described.baseline is None
+    if free is None and modelling.laws is None and is_exact:
+        raise MethodError(
+            "nothing to calibrate: --free and --laws are left out, and the description has no [tolerances]; "
+            "name parameters with --free, e.g. --free inertia,coulomb, or laws with --laws, e.g. --laws auto"
+        )
     recorded = _recordings(recording, described)
     names, laws = None if free is None else names_in(free), modelling.chosen_laws
     from emaphm.calibration import calibrate as estimate
