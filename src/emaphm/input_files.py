@@ -78,7 +78,7 @@ def checked_size(path: Path, most_bytes: int, error: type[EmaphmError]) -> int:
     if status.st_size > most_bytes:
         raise error(
             f"{path}: the file has {status.st_size / 2**20:,.0f} MiB, {most_bytes / 2**20:,.0f} MiB are read "
-            "at most; export less of it"
+            "at most; give a smaller file, such as a part of a recording"
         )
     return status.st_size
 
