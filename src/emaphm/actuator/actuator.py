@@ -146,6 +146,13 @@ class Actuator(Section):
         return None if self.tolerances is None else self.tolerances.without(calibrated)
 
     @property
+    def uncertain_parameters(self) -> tuple[str, ...]:
+        """Parameters in the baseline, then those with a tolerance that no calibration has estimated."""
+        calibrated = () if self.baseline is None else self.baseline.names
+        tolerances = self.open_tolerances
+        return (*calibrated, *(tolerances.names if tolerances else ()))
+
+    @property
     def drive_kind(self) -> DriveKind:
         """The kind of drive; without [drive], it is "hysteresis" with [electrical], else "current"."""
         if self.drive is not None:

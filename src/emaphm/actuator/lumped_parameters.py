@@ -78,9 +78,7 @@ def not_calibrated(actuator: Actuator) -> tuple[str, ...]:
     """
     if actuator.baseline is None:
         return ()
-    tolerances = actuator.open_tolerances
-    known = {*actuator.baseline.names, *(tolerances.names if tolerances else ())}
-    not_estimated = kept_parameters(actuator, known)
+    not_estimated = kept_parameters(actuator, actuator.uncertain_parameters)
     return tuple(name for name in LIKE_FAULTS if name in not_estimated)
 
 

@@ -177,9 +177,7 @@ def _free_parameters(free: Sequence[str] | None, laws: Laws, actuator: Actuator)
         return tuple(dict.fromkeys(free))
     if laws is not None:
         return None
-    calibrated = actuator.baseline.names if actuator.baseline else ()
-    toleranced = actuator.tolerances.deviations if actuator.tolerances else ()
-    return tuple(dict.fromkeys((*calibrated, *toleranced))) or None
+    return actuator.uncertain_parameters or None
 
 
 def _check(

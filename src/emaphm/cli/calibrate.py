@@ -110,8 +110,7 @@ def calibrate(
     """
     common.check((out, (".toml",)), (figure, FIGURES))
     described = described_actuator(actuator)
-    is_exact = described.tolerances is None and described.baseline is None
-    if free is None and modelling.laws is None and is_exact:
+    if free is None and modelling.laws is None and not described.uncertain_parameters:
         raise MethodError(
             "nothing to calibrate: --free and --laws are left out, and the description has no [tolerances]; "
             "name parameters with --free, e.g. --free inertia,coulomb, or laws with --laws, e.g. --laws auto"
